@@ -1,4 +1,4 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is kept: runs in MCAP files; needs no ROS."""
+"""Logs of runs in MCAP files, without ROS."""

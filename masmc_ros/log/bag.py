@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`metadata.yaml`: by it ROS 2 knows the files of a folder for the parts of one recording."""
+"""`metadata.yaml`, which makes the files of a folder one recording for ROS 2."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ import yaml
 METADATA_FILE = 'metadata.yaml'
 
 _VERSION = 9
-"""Of the form that rosbag2 of Jazzy writes."""
+"""Version of the file that rosbag2 of Jazzy writes."""
 
 
 @dataclass
@@ -53,9 +53,11 @@ class RecordedTopic(NamedTuple):
     name, type_name
         full name, and type such as `sensor_msgs/msg/JointState`.
     qos
-        what each of its publishers offers.
+        quality of service of each publisher.
     defined
         definition of the type if it is not one of ROS 2 Jazzy.
+    holds
+        whether a message is valid until the next one.
 
     """
 
@@ -63,6 +65,7 @@ class RecordedTopic(NamedTuple):
     type_name: str
     qos: tuple[Qos, ...]
     defined: Definition | None
+    holds: bool
 
 
 def write_bag_metadata(
@@ -123,7 +126,7 @@ def part_names(folder: Path) -> list[str]:
     Raises
     ------
     InputError
-        where the folder has no such file, or one that cannot be understood.
+        if the folder has no such file, or metadata that cannot be read.
 
     """
     path = folder / METADATA_FILE
@@ -132,32 +135,25 @@ def part_names(folder: Path) -> list[str]:
             content = yaml.safe_load(path.read_text(encoding='utf-8'))
             names = content['rosbag2_bagfile_information']['relative_file_paths']
             return [str(name) for name in names]
-        except (
-            OSError,
-            ValueError,
-            yaml.YAMLError,
-            KeyError,
-            TypeError,
-            RecursionError,
-        ) as error:
+        except (OSError, ValueError, yaml.YAMLError, LookupError, TypeError, RecursionError) as e:
             raise InputError(
                 f'{path}: is not the metadata of a recording; it takes'
                 ' rosbag2_bagfile_information with relative_file_paths'
-            ) from error
-    names = sorted((p.name for p in folder.glob('*.mcap')), key=_number)
+            ) from e
+    names = sorted((path.name for path in folder.glob('*.mcap')), key=_number)
     if not names:
         raise InputError(f'{folder}: has no .mcap file; name the folder of a recording')
     return names
 
 
 def _number(name: str) -> tuple[str, int]:
-    """Sort `run_10.mcap` behind `run_9.mcap`."""
+    """Return a key that sorts `run_10.mcap` after `run_9.mcap`."""
     stem, _, number = name.removesuffix('.mcap').rpartition('_')
     return (stem, int(number)) if number.isdecimal() else (name, 0)
 
 
 def _topic(topic: RecordedTopic, messages: int) -> dict[str, object]:
-    qos = yaml.safe_load('\n'.join(each.to_yaml() for each in topic.qos))
+    qos = yaml.safe_load('\n'.join(offered.to_yaml() for offered in topic.qos))
     return {
         'topic_metadata': {
             'name': topic.name,

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Quality of service as a log keeps it, so that a player offers what was recorded."""
+"""Quality of service of a topic in a log, which a player offers again."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ _INFINITE = 'sec: 9223372036\n    nsec: 854775807'
 @dataclass(frozen=True)
 class Qos:
     """
-    What a publisher offers: the names are those of ROS 2's QoS policies.
+    Quality of service of a publisher, with the names of ROS 2's QoS policies.
 
     Attributes
     ----------
     depth
-        how many messages are kept.
+        number of messages in the history.
     history
         `keep_last` or `keep_all`.
     reliability
@@ -34,7 +34,7 @@ class Qos:
     durability: str = 'volatile'
 
     def to_yaml(self) -> str:
-        """Return it as one entry of the list `offered_qos_profiles` of rosbag2."""
+        """Return an entry of the list `offered_qos_profiles` of rosbag2."""
         return (
             f'- history: {self.history}\n'
             f'  depth: {self.depth}\n'
@@ -49,4 +49,4 @@ class Qos:
 
 
 LATCHED = Qos(depth=1, durability='transient_local')
-"""What is published once and kept for late subscribers."""
+"""Quality of service of a message that is published once and kept for late subscribers."""

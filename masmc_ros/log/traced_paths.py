@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Paths of the robot's first point, for viewers: where it is to go, and where it has been.
+Desired and actual path of the robot's first point, for viewers.
 
-Live nodes and computed logs make them with the same functions, so that they are the same
-bytes. They lie at the height of its frame. A robot whose task is no place has none.
+Live nodes and computed logs use the same functions, so their messages are bitwise identical. The
+paths lie at the height of the point's frame. A robot whose task is not a position has no paths.
 """
 
 from __future__ import annotations
@@ -21,50 +21,76 @@ import numpy as np
 from numpy.typing import NDArray
 
 MOST_POSES = 1000
-"""The largest number of poses in a path."""
+"""Maximum number of poses in a path."""
 
 POSE_PERIOD = 0.05
-"""Time between two poses of the path that was driven, in s."""
+"""Time between two poses of the actual path in s."""
 
 _SENT_PERIOD = 0.5
-"""Time between two messages of the path that was driven, in s."""
-
+"""Time between two messages of the actual path in s."""
 
 _Pose = tuple[int, float, float, float]
 """Stamp in ns and position in m."""
 
 
 def thinned(last: int, most: int = MOST_POSES) -> NDArray[np.int64]:
-    """Return at most `most` ticks of 0 ... last, equally far apart, both ends among them."""
+    """Return at most `most` equidistant ticks of 0 ... last, both ends included."""
     step = -(-last // (most - 1))
     return np.array([*range(0, last, max(1, step)), last], dtype=np.int64)
 
 
-def pose_stride(timing: Timing) -> int:
-    """Return how many ticks apart the poses of a path that goes on are."""
-    return max(1, round(POSE_PERIOD / timing.period))
-
-
-class DesiredPath:
-    """Where the point is to go, by the trajectory."""
+class _TracedPath:
+    """Latest poses of the first point."""
 
     def __init__(self, timing: Timing, robot: Robot, frame_prefix: str = '') -> None:
-        """Take the control grid, the robot and the prefix of the frames' names."""
-        self._timing = timing
-        self._height, self._axes = robot.height, _axes(robot)
+        """
+        Initialise the path.
+
+        Parameters
+        ----------
+        timing
+            control grid.
+        robot
+            the robot.
+        frame_prefix
+            prefix of the names of its frames.
+
+        """
+        self._timing, self._robot = timing, robot
+        self._height = robot.height
+        # Axes of the task that are x and y of the first point that is a position.
+        self._axes = next((point.axes for point in robot.mechanism.places), None)
         self._frame = frame_prefix + ODOM_FRAME
-        self._recent: deque[_Pose] = deque(maxlen=MOST_POSES)
+        self._stride, self._sent_stride = (
+            max(1, round(period / timing.period)) for period in (POSE_PERIOD, _SENT_PERIOD)
+        )
+        self._poses: deque[_Pose] = deque(maxlen=MOST_POSES)
+
+    def _add(self, stamp_ns: int, x: float, y: float) -> None:
+        """Add a pose; after a reset of time it replaces later ones."""
+        while self._poses and self._poses[-1][0] >= stamp_ns:
+            self._poses.pop()
+        self._poses.append((stamp_ns, x, y, self._height))
+
+    def _message(self, stamp_ns: int) -> bytes:
+        stamps = np.array([pose[0] for pose in self._poses], dtype=np.int64)
+        points = np.array([pose[1:] for pose in self._poses]).reshape(-1, 3)
+        return path_message(self._frame, stamp_ns, stamps, points)
+
+
+class DesiredPath(_TracedPath):
+    """Path of the point by the trajectory."""
 
     def whole(self, trajectory: Trajectory, origin_ns: int = 0) -> bytes | None:
         """
-        Return the whole path as a message; None for an endless one, and where there is none.
+        Return the whole path as a message; None for an endless one, or without a position task.
 
         Parameters
         ----------
         trajectory
-            what is followed.
+            the trajectory.
         origin_ns
-            stamp at which it begins, in ns.
+            stamp of its start in ns.
 
         """
         if self._timing.last is None or self._axes is None:
@@ -77,7 +103,7 @@ class DesiredPath:
 
     def piece(self, stamp_ns: int, starts_ns: int, samples: NDArray[np.float64]) -> bytes | None:
         """
-        Add what is sent of a trajectory, and return its latest piece as a message, if any.
+        Add samples of a trajectory, and return its latest piece as a message, if there is one.
 
         Parameters
         ----------
@@ -91,70 +117,40 @@ class DesiredPath:
         """
         if self._axes is None:
             return None
-        for tick in range(0, len(samples), pose_stride(self._timing)):
+        for tick in range(0, len(samples), self._stride):
             x, y = samples[tick, self._axes].tolist()
-            _add(self._recent, (starts_ns + self._timing.stamp(tick), x, y, self._height))
-        return _message(self._frame, stamp_ns, self._recent)
+            self._add(starts_ns + self._timing.stamp(tick), x, y)
+        return self._message(stamp_ns)
 
 
-class ActualPath:
-    """Where the point has been: its latest poses."""
-
-    def __init__(self, timing: Timing, robot: Robot, frame_prefix: str = '') -> None:
-        """Take the control grid, the robot and the prefix of the frames' names."""
-        self._timing = timing
-        self._robot = robot
-        self._height, self._axes = robot.height, _axes(robot)
-        self._frame = frame_prefix + ODOM_FRAME
-        self._stride = pose_stride(timing)
-        self._sent_stride = max(1, round(_SENT_PERIOD / timing.period))
-        self._poses: deque[_Pose] = deque(maxlen=MOST_POSES)
+class ActualPath(_TracedPath):
+    """Path of the point in the past."""
 
     def takes(self, tick: int) -> bool:
-        """Tell whether the path has a pose of this tick: others need not be added."""
-        is_due = tick % self._stride == 0 or tick % self._sent_stride == 0 or self._is_last(tick)
+        """Return True if the path has a pose of this tick; others need not be added."""
+        is_due = tick % self._stride == 0 or self._is_sent(tick)
         return is_due and self._axes is not None
 
     def add(self, tick: int, position: NDArray[np.float64]) -> bytes | None:
         """
-        Add the state of a tick that it takes.
+        Add the state of a tick that the path takes.
 
         Parameters
         ----------
         tick
-            number of the tick; with a smaller one than before the path goes on from there.
+            number of the tick; after a smaller one than before, the path continues from there.
         position
-            in the order of joint_states.
+            joint positions in the order of joint_states.
 
         Returns
         -------
-            The path as a message, with the tick's stamp, where it is due.
+            The path as a message with the tick's stamp, if one is due.
 
         """
         stamp = self._timing.stamp(tick)
-        x, y = self._robot.task_positions(position[None])[0, self._axes].tolist()
-        _add(self._poses, (stamp, x, y, self._height))
-        if tick % self._sent_stride and not self._is_last(tick):
-            return None
-        return _message(self._frame, stamp, self._poses)
+        self._add(stamp, *self._robot.task_positions(position[None])[0, self._axes].tolist())
+        return self._message(stamp) if self._is_sent(tick) else None
 
-    def _is_last(self, tick: int) -> bool:
-        return tick == self._timing.last
-
-
-def _axes(robot: Robot) -> slice | None:
-    """Return which axes of the task are x and y of the first point that is a place."""
-    return next((point.axes for point in robot.mechanism.places), None)
-
-
-def _add(poses: deque[_Pose], pose: _Pose) -> None:
-    """Add a pose; where time was set back, instead of those that came later."""
-    while poses and poses[-1][0] >= pose[0]:
-        poses.pop()
-    poses.append(pose)
-
-
-def _message(frame: str, stamp_ns: int, poses: deque[_Pose]) -> bytes:
-    stamps = np.array([pose[0] for pose in poses], dtype=np.int64)
-    points = np.array([pose[1:] for pose in poses]).reshape(-1, 3)
-    return path_message(frame, stamp_ns, stamps, points)
+    def _is_sent(self, tick: int) -> bool:
+        """Return True if a message is due at a tick."""
+        return tick % self._sent_stride == 0 or tick == self._timing.last

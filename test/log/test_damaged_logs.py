@@ -16,8 +16,8 @@ from helpers.checked_reader import read
 from helpers.log_damage import damaged
 import lz4.frame
 from masmc_ros.cli.main import main
-from masmc_ros.log.mcap import chunks
-from masmc_ros.log.mcap.records import decompressed, RECORD_HEAD
+from masmc_ros.log.mcap import chunks, codec
+from masmc_ros.log.mcap.codec import decompressed, RECORD_HEAD
 from masmc_ros.log.read.scan import scan
 from masmc_ros.log.recover.recover import recover
 from mcap.reader import make_reader
@@ -325,8 +325,8 @@ def test_recover_large_sound_chunk_is_left_unchanged(
 
 
 def test_indexed_chunk_beyond_limit_is_uncompressed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(chunks, 'LARGEST_CHUNK', 100)
+    monkeypatch.setattr(codec, 'LARGEST_CHUNK', 100)
     for size, compression in ((100, 'lz4'), (101, '')):
-        made = chunks.indexed_chunk(bytes(size), {}, 'lz4').chunk
+        made = chunks.packed_chunk(bytes(size), {}, 'lz4')
         assert made.compression == compression
         assert decompressed(made) == bytes(size)

@@ -17,7 +17,7 @@ from hypothesis import given, HealthCheck, settings
 from hypothesis import strategies as st
 from masmc_ros import __version__
 from masmc_ros.errors import InputError
-from masmc_ros.log.mcap.chunks import arrived_records, ChannelRows, COMPRESSIONS, indexed_chunk
+from masmc_ros.log.mcap.chunks import arrived_records, ChannelRows, COMPRESSIONS, packed_chunk
 from masmc_ros.log.mcap.record_stream import RecordStream
 from masmc_ros.log.qos import LATCHED, Qos
 from masmc_ros.log.read.reader import read_run
@@ -115,22 +115,17 @@ def test_log_statistics_and_indexes_are_complete(log: Path) -> None:
 def test_record_stream_many_chunks_need_little_memory() -> None:
     """A recording of one day has half a million chunks with 20 topics each."""
     indexes = {channel: array('Q', (channel, 10 * channel)) for channel in range(1, 21)}
-    chunk = indexed_chunk(b'records', indexes)
-    output = RecordStream(_Discarded())
-    output.add_chunk(chunk)
+    chunk = packed_chunk(b'records', indexes)
+    output = RecordStream(len)
+    output.add_chunk(chunk, indexes)
     tracemalloc.start()
     try:
         for _ in range(2000):
-            output.add_chunk(chunk)
+            output.add_chunk(chunk, indexes)
         memory, _ = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
     assert memory < 2000 * 500
-
-
-class _Discarded:
-    def write(self, data: bytes, /) -> None:
-        """Ignore bytes."""
 
 
 def test_log_messages_are_ordered_by_time(log: Path) -> None:

@@ -5,7 +5,7 @@
 
 from hypothesis import given
 from hypothesis import strategies as st
-from masmc_ros.log.read.timeline import Beginning, last_pass, sample_reference
+from masmc_ros.log.read.timeline import last_pass, PassStart, sample_reference
 from masmc_ros.messages.reference_window import ReferenceWindow
 import numpy as np
 import pytest
@@ -153,15 +153,15 @@ def test_last_pass_late_responses_belong_to_their_state(
         messages += [(k + 0.5 + shift + 0.25, True, k) for k in selected]
         messages.sort()
         orders = [place for place, (_, is_answer, _) in enumerate(messages) if not is_answer]
-        last_start = Beginning(orders, np.array(ticks, np.int64) * MS)
+        last_start = PassStart(orders, np.array(ticks, np.int64) * MS)
         for place, (_, is_answer, k) in enumerate(messages):
             if is_answer:
                 assert last_start.is_over(place, ticks[k] * MS) == (k >= before)
 
 
 def test_last_pass_without_stamp_uses_place_in_log() -> None:
-    last_start = Beginning([2, 4, 6, 8], np.array([0, 5, 0, 5]) * MS)
+    last_start = PassStart([2, 4, 6, 8], np.array([0, 5, 0, 5]) * MS)
     is_over = [last_start.is_over(place) for place in (0, 3, 5, 7, 9)]
     assert is_over == [False, False, False, True, True]
-    assert Beginning().is_over(0, 5 * MS)
-    assert Beginning([2, 4], np.array([0, 5]) * MS).is_over(0)
+    assert PassStart().is_over(0, 5 * MS)
+    assert PassStart([2, 4], np.array([0, 5]) * MS).is_over(0)

@@ -38,7 +38,7 @@ def run(options: argparse.Namespace) -> int:
         if recovered is None:
             print(f'{log}: is complete')
             continue
-        length = (recovered.end - recovered.begin) / NANOSECONDS
+        length = (recovered.end - recovered.start) / NANOSECONDS
         print(
             f'{log}: completed with {recovered.messages} messages over {length:.3f} s;'
             f' {recovered.dropped} bytes of it could not be read'

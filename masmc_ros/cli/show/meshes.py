@@ -17,9 +17,9 @@ import shutil
 from typing import NamedTuple
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.mcap.chunks import arrived_records, indexed_chunk, OpenChunk
+from masmc_ros.log.mcap.chunks import arrived_records, OpenChunk
+from masmc_ros.log.mcap.codec import MAGIC, parsed, RECORD_HEAD
 from masmc_ros.log.mcap.record_stream import RecordStream
-from masmc_ros.log.mcap.records import MAGIC, parsed, RECORD_HEAD
 from masmc_ros.messages.names import DESCRIPTION_TOPIC
 from masmc_ros.messages.text import string_message, text_of
 from masmc_ros.robot.meshes import mesh_files
@@ -81,6 +81,6 @@ def write_with_addresses(
         message = last.channel_id, last.log_time + 1, string_message(text)
         chunk = OpenChunk()
         chunk.add_messages(arrived_records([message]), 0, 1, 0)
-        stream = RecordStream(target, end, summary)
-        stream.add_chunk(indexed_chunk(chunk.content(), chunk.indexes))
+        stream = RecordStream(target.write, end, summary)
+        stream.add_chunk(chunk.close(), chunk.indexes)
         stream.finish()

@@ -4,10 +4,10 @@
 """
 Writer of MCAP files in bulk.
 
-The library mcap makes an object of every record and takes three times the time of this one to
-write a run (docs/decisions/log_writer.md). The records themselves (channels, metadata, indexes)
-are those of mcap; this package puts many messages into a chunk at once.
+The library mcap makes an object of every message and takes three times as long to write a run
+(docs/decisions/log_writer.md). This package puts many messages into a chunk at once; all other
+records (channels, metadata, indexes) are those of mcap.
 
-`records` packs and unpacks single records, `chunks` builds and checks chunks, and `record_stream`
+`codec` packs and unpacks single records, `chunks` builds and checks chunks, and `record_stream`
 writes a file from its header to its indexes and its footer.
 """

@@ -1,28 +1,29 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Chunks of an MCAP file as they are made: records put together, indexed and compressed."""
+"""Chunks of an MCAP file: layout of many messages, indexes and compression."""
 
 from __future__ import annotations
 
 from array import array
 from collections.abc import Callable, Sequence
+import struct
 from typing import NamedTuple
 import zlib
 
 import lz4.frame
-from masmc_ros.log.mcap.records import all_records, LARGEST_CHUNK, MESSAGE_HEAD, RECORD_HEAD
+from masmc_ros.log.mcap import codec
 from mcap.opcode import Opcode
-from mcap.records import Chunk
+from mcap.records import Channel, Chunk, Schema
 import numpy as np
 from numpy.typing import NDArray
 import zstandard
 
 Message = tuple[int, int, bytes]
-"""Number of a channel, log and publish time in ns, and the message."""
+"""Number of a channel, log and publish time in ns, and content of a message."""
 
 Indexes = dict[int, 'array[int]']
-"""By channel, for each of its messages in a chunk: log time in ns, place in the chunk."""
+"""Log time in ns and place in the chunk of each message, by channel."""
 
 COMPRESSIONS: dict[str, Callable[[bytes], bytes]] = {
     'zstd': zstandard.compress,
@@ -31,19 +32,15 @@ COMPRESSIONS: dict[str, Callable[[bytes], bytes]] = {
 }
 
 _HEAD = np.dtype(
-    [
-        ('opcode', 'u1'),
-        ('length', '<u8'),
-        ('channel', '<u2'),
-        ('sequence', '<u4'),
-        ('log_time', '<u8'),
-        ('publish_time', '<u8'),
-    ]
+    {
+        'names': ['opcode', 'length', 'channel', 'sequence', 'log_time', 'publish_time'],
+        'formats': ['u1', '<u8', '<u2', '<u4', '<u8', '<u8'],
+    }
 )
-"""What stands before the bytes of a message; `RECORD_HEAD` and `MESSAGE_HEAD` for many."""
+"""Bytes before the content of a message: `MESSAGE_HEAD` for many messages."""
 
-INDEX_HEAD = RECORD_HEAD.size + 2 + 4
-"""Bytes before the entries of an index: head of the record, channel, and size of the entries."""
+INDEX_HEAD = struct.Struct('<BQHI')
+"""Opcode, length, channel and size of the entries in bytes at the start of an index."""
 
 
 class ChannelRows(NamedTuple):
@@ -53,11 +50,11 @@ class ChannelRows(NamedTuple):
     Attributes
     ----------
     channel
-        as `LogWriter.channel` returned it.
+        number that `LogWriter.channel` returned.
     times
         (N) log and publish times in ns, ascending.
     rows
-        (N) or (N, size) the messages, all of one size.
+        (N) or (N, size) messages of one size.
 
     """
 
@@ -68,20 +65,18 @@ class ChannelRows(NamedTuple):
 
 class MessageRecords(NamedTuple):
     """
-    The records of messages as they stand in a chunk.
+    Records of N messages as a chunk contains them.
 
     Attributes
     ----------
     content
-        the records' bytes, one after the other.
-    starts
-        (N) where each begins.
-    ends
-        (N) where each ends.
+        bytes of the records, one after the other.
+    starts, ends
+        (N) place of each record in the content.
     channels
-        (N) which each is of.
+        (N) channel of each message.
     times
-        (N) its log time in ns.
+        (N) log time of each message in ns.
 
     """
 
@@ -96,10 +91,10 @@ def merged_records(sources: Sequence[ChannelRows]) -> MessageRecords:
     """
     Return the records of messages of several channels, in the order of their times.
 
-    Each source has some; those of one time are in the order of `sources`.
+    No source is empty. Messages of the same time are in the order of `sources`.
     """
-    sizes = np.array([_HEAD.itemsize + each.rows.nbytes // len(each.rows) for each in sources])
-    owners = np.repeat(np.arange(len(sources)), [len(each.times) for each in sources])
+    sizes = np.array([_HEAD.itemsize + s.rows.nbytes // len(s.rows) for s in sources])
+    owners = np.repeat(np.arange(len(sources)), [len(source.times) for source in sources])
     times = np.concatenate([source.times for source in sources])
     order = np.argsort(times, kind='stable')
     owners = owners[order]
@@ -114,9 +109,9 @@ def merged_records(sources: Sequence[ChannelRows]) -> MessageRecords:
 
 def arrived_records(messages: Sequence[Message]) -> MessageRecords:
     """
-    Return the records of messages of any sizes, of which there are some, in their order.
+    Return the records of at least one message of any size, in the order of arrival.
 
-    Raises OverflowError for a time that is no int64.
+    Raises OverflowError for a time that is not an int64.
     """
     numbers, stamps, datas = zip(*messages, strict=True)
     channels, times = np.array(numbers), np.array(stamps, np.int64)
@@ -132,10 +127,10 @@ def arrived_records(messages: Sequence[Message]) -> MessageRecords:
 def _heads(
     channels: NDArray[np.intp] | int, times: NDArray[np.int64], sizes: NDArray[np.intp] | int
 ) -> NDArray[np.void]:
-    """Return what stands before messages of such sizes in bytes, at times (N) in ns."""
+    """Return the heads of messages of such sizes in bytes, at times (N) in ns."""
     heads = np.zeros(len(times), _HEAD)
     heads['opcode'] = Opcode.MESSAGE
-    heads['length'] = MESSAGE_HEAD.size + sizes
+    heads['length'] = codec.MESSAGE_HEAD.size - codec.RECORD_HEAD.size + sizes
     heads['channel'] = channels
     heads['log_time'] = heads['publish_time'] = times
     return heads
@@ -144,12 +139,13 @@ def _heads(
 def _lay_out(
     source: ChannelRows, content: NDArray[np.uint8], starts: NDArray[np.intp]
 ) -> None:
+    """Copy the records of a channel to their places in the content."""
     count = len(source.rows)
     rows = np.ascontiguousarray(source.rows).view(np.uint8)
     rows = rows.reshape(count, source.rows.nbytes // count)
     heads = _heads(source.channel, source.times, rows.shape[1])
     records = np.hstack((heads.view(np.uint8).reshape(count, -1), rows))
-    # A record may begin at every byte of the content: each is copied there as a whole.
+    # A record may start at every byte of the content: each is copied there as a whole.
     size = records.shape[1]
     record = np.dtype((np.void, size))
     places = np.ndarray(len(content) - size + 1, record, content, strides=(1,))
@@ -158,19 +154,19 @@ def _lay_out(
 
 class OpenChunk:
     """
-    A chunk under way.
+    A chunk to which records are added.
 
     Attributes
     ----------
     size
-        of its records in bytes.
+        size of its records in bytes.
     indexes
-        of its messages.
+        indexes of its messages.
 
     """
 
     def __init__(self) -> None:
-        """Start with nothing in it."""
+        """Initialise the chunk without records."""
         self._parts: list[bytes] = []
         self.size = 0
         self.indexes: Indexes = {}
@@ -182,22 +178,22 @@ class OpenChunk:
 
     def add_messages(self, messages: MessageRecords, first: int, stop: int, limit: int) -> int:
         """
-        Add messages until there are more than `limit` bytes, or no more.
+        Add messages until the chunk has more than `limit` bytes.
 
         Parameters
         ----------
         messages
-            of which to add some.
+            records of messages.
         first
-            the first to add.
+            number of the first message to add.
         stop
-            the first not to add in any case.
+            number after the last message to add.
         limit
-            in bytes.
+            size in bytes.
 
         Returns
         -------
-            the first that was not added.
+            Number of the first message that was not added.
 
         """
         start = messages.starts[first]
@@ -214,36 +210,29 @@ class OpenChunk:
         self.add_record(messages.content[start:messages.ends[part.stop - 1]].tobytes())
         return part.stop
 
-    def content(self) -> bytes:
-        """Return its records."""
-        return b''.join(self._parts)
+    def close(self, compression: str = 'zstd') -> Chunk:
+        """Return the record of the chunk, compressed as `packed_chunk` does."""
+        return packed_chunk(b''.join(self._parts), self.indexes, compression)
 
 
-class IndexedChunk(NamedTuple):
-    """A chunk and the indexes of its messages, of which it has at least one."""
-
-    chunk: Chunk
-    indexes: Indexes
-
-
-def indexed_chunk(content: bytes, indexes: Indexes, compression: str = 'zstd') -> IndexedChunk:
+def packed_chunk(content: bytes, indexes: Indexes, compression: str = 'zstd') -> Chunk:
     """
-    Make a chunk of records.
+    Return a chunk of records.
 
     Parameters
     ----------
     content
         the records.
     indexes
-        of the messages among them.
+        indexes of the messages among them.
     compression
-        one of COMPRESSIONS; not used for a chunk that would be too large to be unpacked.
+        one of COMPRESSIONS; ignored for content that is too large to be unpacked.
 
     """
     first, last = span(indexes)
-    if len(content) > LARGEST_CHUNK:
+    if len(content) > codec.LARGEST_CHUNK:
         compression = 'none'
-    chunk = Chunk(
+    return Chunk(
         compression=compression if compression != 'none' else '',
         data=COMPRESSIONS[compression](content),
         message_start_time=first,
@@ -251,40 +240,36 @@ def indexed_chunk(content: bytes, indexes: Indexes, compression: str = 'zstd') -
         uncompressed_crc=zlib.crc32(content),
         uncompressed_size=len(content),
     )
-    return IndexedChunk(chunk, indexes)
 
 
 def span(indexes: Indexes) -> tuple[int, int]:
-    """Return the first and the last log time in ns of messages; 0 where there are none."""
+    """Return the first and the last log time in ns; 0 without messages."""
     times = [index[::2] for index in indexes.values()]
     return min(map(min, times), default=0), max(map(max, times), default=0)
 
 
-def index_messages(content: bytes) -> tuple[Indexes, list[bytes]]:
+def index_messages(content: bytes) -> tuple[Indexes, list[Schema | Channel]]:
     """
-    Return the indexes of the messages in a chunk, and its schemas and channels as records.
+    Return the indexes of the messages in a chunk, and its schemas and channels.
 
-    Raises ValueError if the chunk has other content.
+    Raises an exception of any kind if the chunk has other content.
     """
     indexes: Indexes = {}
-    definitions = []
-    for opcode, start, end in all_records(content):
-        if opcode == Opcode.MESSAGE and end - start >= RECORD_HEAD.size + MESSAGE_HEAD.size:
-            channel, _, time, _ = MESSAGE_HEAD.unpack_from(content, start + RECORD_HEAD.size)
+    definitions: list[Schema | Channel] = []
+    for opcode, start, end in codec.all_records(content):
+        if opcode == Opcode.MESSAGE and end - start >= codec.MESSAGE_HEAD.size:
+            _, _, channel, _, time, _ = codec.MESSAGE_HEAD.unpack_from(content, start)
             indexes.setdefault(channel, array('Q')).extend((time, start))
-        elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-            definitions.append(content[start:end])
         else:
-            raise ValueError(f'a record of kind {opcode} at byte {start} of a chunk')
+            record = codec.parsed(content[start:end])
+            if not isinstance(record, (Schema, Channel)):
+                raise ValueError(f'a record of kind {opcode} at byte {start} of a chunk')
+            definitions.append(record)
     return indexes, definitions
 
 
 def index_record(channel: int, index: array[int]) -> bytes:
-    """Return the record of a channel's index."""
+    """Return the record of the index of a channel."""
     entries = index.tobytes()
-    return (
-        RECORD_HEAD.pack(Opcode.MESSAGE_INDEX, INDEX_HEAD - RECORD_HEAD.size + len(entries))
-        + channel.to_bytes(2, 'little')
-        + len(entries).to_bytes(4, 'little')
-        + entries
-    )
+    length = INDEX_HEAD.size - codec.RECORD_HEAD.size + len(entries)
+    return INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, length, channel, len(entries)) + entries

@@ -6,39 +6,17 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 import struct
-from typing import Protocol
 import zlib
 
 from masmc_ros import __version__
-from masmc_ros.log.mcap.chunks import index_record, IndexedChunk
-from masmc_ros.log.mcap.records import MAGIC, packed
+from masmc_ros.log.mcap.chunks import index_record, Indexes
+from masmc_ros.log.mcap.codec import MAGIC, packed
+from mcap import records as mcap
 from mcap.opcode import Opcode
-from mcap.records import (
-    Attachment,
-    AttachmentIndex,
-    Channel,
-    ChunkIndex,
-    DataEnd,
-    Footer,
-    Header,
-    McapRecord,
-    Metadata,
-    MetadataIndex,
-    Schema,
-    Statistics,
-    SummaryOffset,
-)
 from mcap.summary import Summary
 from mcap.well_known import Profile
-
-
-class Stream(Protocol):
-    """Destination of bytes, which come as whole records."""
-
-    def write(self, data: bytes, /) -> object:
-        """Take bytes."""
 
 
 class RecordStream:
@@ -57,25 +35,25 @@ class RecordStream:
     """
 
     def __init__(
-        self, stream: Stream, position: int = 0, summary: Summary | None = None
+        self, write: Callable[[bytes], object], position: int = 0, summary: Summary | None = None
     ) -> None:
         """
         Initialise the output.
 
         Parameters
         ----------
-        stream
-            destination of the bytes.
+        write
+            function that writes whole records.
         position
-            bytes of the file that precede those of the stream.
+            bytes of the file that precede those records.
         summary
             summary of these bytes.
 
         """
-        self._stream = stream
+        self._write = write
         self.position = position
         self.summary = summary or Summary()
-        self.statistics = self.summary.statistics or Statistics(
+        self.statistics = self.summary.statistics or mcap.Statistics(
             message_count=0, channel_message_counts={}, message_start_time=0, message_end_time=0,
             chunk_count=0, channel_count=0, schema_count=0, attachment_count=0, metadata_count=0,
         )
@@ -85,28 +63,28 @@ class RecordStream:
         self._chunk_indexes = bytearray(b''.join(map(packed, self.summary.chunk_indexes)))
         self._chunk_count = len(self.summary.chunk_indexes)
 
-    def start(self, header: Header | None = None) -> None:
+    def start(self, header: mcap.Header | None = None) -> None:
         """Start a file, with a header of this package by default."""
         self.write(MAGIC)
-        self.write(packed(header or Header(Profile.ROS2, f'masmc_ros {__version__}')))
+        self.write(packed(header or mcap.Header(Profile.ROS2, f'masmc_ros {__version__}')))
 
     def write(self, record: bytes) -> None:
         """Write whole records that the summary does not list."""
-        self._stream.write(record)
+        self._write(record)
         self.position += len(record)
 
-    def register(self, record: Schema | Channel) -> None:
+    def register(self, record: mcap.Schema | mcap.Channel) -> None:
         """Add a definition to the summary."""
-        if isinstance(record, Schema):
+        if isinstance(record, mcap.Schema):
             self.summary.schemas[record.id] = record
         else:
             self.summary.channels[record.id] = record
 
-    def add_attachment(self, attachment: Attachment) -> None:
+    def add_attachment(self, attachment: mcap.Attachment) -> None:
         """Write a file that accompanies the messages."""
         record = packed(attachment)
         self.summary.attachment_indexes.append(
-            AttachmentIndex(
+            mcap.AttachmentIndex(
                 offset=self.position,
                 length=len(record),
                 create_time=attachment.create_time,
@@ -118,16 +96,16 @@ class RecordStream:
         )
         self.write(record)
 
-    def add_metadata(self, metadata: Metadata) -> None:
+    def add_metadata(self, metadata: mcap.Metadata) -> None:
         """Write names and texts."""
         record = packed(metadata)
-        index = MetadataIndex(offset=self.position, length=len(record), name=metadata.name)
-        self.summary.metadata_indexes.append(index)
+        self.summary.metadata_indexes.append(
+            mcap.MetadataIndex(self.position, len(record), metadata.name)
+        )
         self.write(record)
 
-    def add_chunk(self, indexed: IndexedChunk) -> None:
-        """Write a chunk, followed by the indexes of its messages."""
-        chunk, indexes = indexed
+    def add_chunk(self, chunk: mcap.Chunk, indexes: Indexes) -> None:
+        """Write a chunk with at least one message, followed by the indexes of its messages."""
         record, start = packed(chunk), self.position
         self.write(record)
         records, offsets, end = [], {}, self.position
@@ -137,7 +115,7 @@ class RecordStream:
             end += len(records[-1])
             count = len(entries) // 2
             self.count(channel, count, chunk.message_start_time, chunk.message_end_time)
-        index = ChunkIndex(
+        index = mcap.ChunkIndex(
             message_start_time=chunk.message_start_time,
             message_end_time=chunk.message_end_time,
             chunk_start_offset=start,
@@ -163,17 +141,17 @@ class RecordStream:
 
     def finish(self) -> None:
         """Write the end of the file, with all indexes."""
-        self.write(packed(DataEnd(0)))
+        self.write(packed(mcap.DataEnd(0)))
         start, summary, offsets = self.position, bytearray(), []
         for opcode, records in self._summary_records():
-            offsets.append(SummaryOffset(opcode, start + len(summary), len(records)))
+            offsets.append(mcap.SummaryOffset(opcode, start + len(summary), len(records)))
             summary += records
         summary_offsets = start + len(summary)
         summary += b''.join(map(packed, offsets))
         head = struct.pack('<BQQQ', Opcode.FOOTER, 20, start, summary_offsets)
         crc = zlib.crc32(head, zlib.crc32(summary))
         self.write(bytes(summary))
-        self.write(packed(Footer(start, summary_offsets, crc)))
+        self.write(packed(mcap.Footer(start, summary_offsets, crc)))
         self.write(MAGIC)
 
     def _summary_records(self) -> Iterable[tuple[Opcode, bytes | bytearray]]:
@@ -195,5 +173,5 @@ class RecordStream:
         )
 
 
-def _joined(records: Iterable[McapRecord]) -> bytes:
+def _joined(records: Iterable[mcap.McapRecord]) -> bytes:
     return b''.join(map(packed, records))

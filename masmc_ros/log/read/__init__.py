@@ -1,4 +1,4 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reading runs from MCAP files."""
+"""Reading of runs from MCAP files."""

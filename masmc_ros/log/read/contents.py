@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is in a log: topics with their messages, metadata and attachments."""
+"""Content of a log: topics with their messages, metadata and attachments."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ class Topic:
     Attributes
     ----------
     name
-        its full name.
+        full name.
     encoding
-        of the messages, `cdr` for ROS 2.
+        encoding of the messages, `cdr` for ROS 2.
     schema
-        the definition of the messages; None for a log without.
+        definition of the messages; None if the log has none.
     log_times
-        of each message, ns.
+        log time of each message in ns.
     messages
-        each as it was received.
+        received bytes of each message.
     orders
-        position of each among all messages of the log.
+        position of each message among all messages of the log.
 
     """
 
@@ -43,18 +43,18 @@ class Topic:
 
 
 @dataclass
-class Records:
+class LogContents:
     """
-    What a log holds, in the order of the file.
+    Content of a log, in the order of the file.
 
     Attributes
     ----------
     topics
-        by name.
+        topics by name.
     metadata
-        the records of each name.
+        records of each name.
     attachments
-        the last file of each name.
+        last file of each name.
 
     """
 

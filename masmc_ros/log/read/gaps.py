@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Messages that are missing from a topic that is sent at a steady rate, by their stamps."""
+"""Gaps in the stamps of a topic that is sent at a steady rate."""
 
 from __future__ import annotations
 
@@ -17,52 +17,53 @@ import numpy as np
 from numpy.typing import NDArray
 
 MISSING = 'missing_messages'
-"""Metadata record: what is missing of each topic in which something is."""
+"""Metadata record: description of the gaps of each topic that has any."""
 
 _BLOCK = 1000
-"""Messages over which a rate is taken for steady."""
+"""Number of messages during which a rate counts as steady."""
 
 _FEWEST = 20
-"""Messages that tell a rate."""
+"""Minimum number of messages from which a rate is estimated."""
 
 _USUAL = 0.9
-"""Share of the intervals that are no gaps: joints of several drivers come in turns."""
+"""Quantile of the intervals that is no gap: joints of several drivers arrive in turns."""
 
 _GAP = 1.5
-"""Times the usual interval from which on something is missing."""
+"""Minimum ratio of a gap to the usual interval."""
 
 _LATE = 5
-"""Usual intervals by which a message may be late that others have overtaken."""
+"""Maximum delay of a message that others have overtaken, in usual intervals."""
 
 
 class Gaps:
     """
-    Counts what is missing between the first and the last message of a topic.
+    Gaps between the first and the last message of a topic.
 
-    Whether it was never sent, lost on its way or not taken, the stamps do not tell.
+    The stamps do not show whether a message was never sent, lost on its way or not received.
 
     Attributes
     ----------
     count
-        gaps.
+        number of gaps.
     missing
-        messages that would have come in them at the rate around them.
+        number of messages that the rate around the gaps predicts in them.
     longest
-        the longest interval between two messages in ns, of those that are gaps.
+        longest gap in ns.
     at
-        stamp in ns at which that begins.
+        stamp in ns at which it starts.
+    add
+        function that adds the next stamp in ns, in the order of arrival.
 
     """
 
     def __init__(self) -> None:
-        """Begin with nothing."""
+        """Initialise the gaps without stamps."""
         self.count = self.missing = self.longest = self.at = 0
         self._waiting: list[int] = []
         self.add = self._waiting.append
-        """Take the next stamp in ns, in the order of arrival; looked at by `look`."""
 
     def look(self) -> None:
-        """Count in what has come, where it is enough to tell a rate."""
+        """Count the gaps in the added stamps, as far as these are enough for a rate."""
         stamps = self._waiting.copy()
         while len(stamps) >= _FEWEST:
             taken = _cut(stamps, min(_BLOCK, len(stamps) - 1))
@@ -72,7 +73,7 @@ class Gaps:
 
     def _count(self, stamps: NDArray[np.int64]) -> None:
         steps = np.diff(stamps)
-        # A robot that is set back, and a message that comes twice, leave no gap.
+        # A reset of the robot and a repeated message are no gaps.
         forward = steps[steps > 0]
         if not len(forward):
             return
@@ -80,17 +81,15 @@ class Gaps:
         if (steps < 0).any():
             stamps = _in_order(stamps, int(_LATE * usual))
             steps = np.diff(stamps)
-        found = np.flatnonzero(steps > _GAP * usual)
-        if not len(found):
-            return
-        self.count += len(found)
-        self.missing += int((np.rint(steps[found] / np.median(forward)) - 1).sum())
-        worst = found[np.argmax(steps[found])]
-        if steps[worst] > self.longest:
+        gaps = steps[steps > _GAP * usual]
+        self.count += len(gaps)
+        self.missing += int((np.rint(gaps / np.median(forward)) - 1).sum())
+        if gaps.max(initial=0) > self.longest:
+            worst = np.argmax(steps)
             self.longest, self.at = int(steps[worst]), int(stamps[worst])
 
     def text(self) -> str:
-        """Return it in words."""
+        """Return a description."""
         gaps = 'a gap' if self.count == 1 else f'{self.count} gaps'
         return (
             f'{self.missing} missing in {gaps}, the longest of {self.longest / NANOSECONDS:.3f} s'
@@ -99,7 +98,7 @@ class Gaps:
 
 
 def _cut(stamps: Sequence[int], end: int) -> int:
-    """Return a place up to the end, and close to it, that nobody who is late comes across."""
+    """Return the last place up to the end that no late message crosses, if one is close."""
     for place in range(end, max(end - _FEWEST, 0), -1):
         before = stamps[max(place - _LATE, 0) : place]
         if max(before) <= stamps[place] <= min(stamps[place : place + 1 + _LATE]):
@@ -108,34 +107,33 @@ def _cut(stamps: Sequence[int], end: int) -> int:
 
 
 def _in_order(stamps: NDArray[np.int64], late: int) -> NDArray[np.int64]:
-    """Return stamps with those that came late, by so many ns at most, where they belong."""
+    """Return stamps with late ones, by at most `late` ns, in their places."""
     kept = in_time(stamps, late)
-    begins = np.zeros(len(stamps), np.int64)
-    begins[kept[1:]] = np.diff(stamps[kept]) < 0
-    # One pass after the other, each by its stamps.
-    return stamps[np.lexsort((stamps, np.cumsum(begins)))]
+    starts = np.zeros(len(stamps), np.int64)
+    starts[kept[1:]] = np.diff(stamps[kept]) < 0
+    # Passes stay in their order; stamps of a pass are sorted.
+    return stamps[np.lexsort((stamps, np.cumsum(starts)))]
 
 
 def gaps_in(stamps: Sequence[int] | NDArray[np.int64]) -> Gaps:
     """Return the gaps among stamps in ns, in the order of arrival."""
     gaps = Gaps()
-    for stamp in np.asarray(stamps, np.int64).tolist():
-        gaps.add(stamp)
+    gaps._waiting += np.asarray(stamps, np.int64).tolist()
     gaps.look()
     return gaps
 
 
 def state_gaps(path: Path) -> dict[str, Gaps]:
     """Return the gaps of each topic of joint states of a complete log that has any."""
-    found: dict[str, Gaps] = defaultdict(Gaps)
+    topics: dict[str, Gaps] = defaultdict(Gaps)
     with path.open('rb') as stream:
         reader = make_reader(stream)
         summary = reader.get_summary()
         channels = summary.channels.values() if summary is not None else ()
-        topics = [c.topic for c in channels if f'/{c.topic}'.endswith(f'/{STATE_TOPIC}')]
-        if topics:
-            for _, channel, message in reader.iter_messages(topics, log_time_order=False):
-                found[channel.topic].add(message.log_time)
-    for gaps in found.values():
+        names = [c.topic for c in channels if f'/{c.topic}'.endswith(f'/{STATE_TOPIC}')]
+        if names:
+            for _, channel, message in reader.iter_messages(names, log_time_order=False):
+                topics[channel.topic].add(message.log_time)
+    for gaps in topics.values():
         gaps.look()
-    return {topic: gaps for topic, gaps in found.items() if gaps.count}
+    return {topic: gaps for topic, gaps in topics.items() if gaps.count}

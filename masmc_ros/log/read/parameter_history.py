@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The parameters of a run: what it began with, and what changed when."""
+"""Parameters of a run at its start, and their changes."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import json
 from typing import Any
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.read.contents import Records
-from masmc_ros.log.read.timeline import Beginning
+from masmc_ros.log.read.contents import LogContents
+from masmc_ros.log.read.timeline import PassStart
 from masmc_ros.log.write.provenance import CHANGES, PARAMETERS
 from masmc_ros.messages.parameter_record import parameter_values, ParameterRecord, record_of
 from masmc_ros.messages.topics import PARAMETER_NODES, parameters_topic
@@ -21,16 +21,16 @@ from masmc_ros.messages.topics import PARAMETER_NODES, parameters_topic
 @dataclass(frozen=True)
 class ParameterHistory:
     """
-    Parameters of all nodes; nodes go by their own names, whatever namespace they ran in.
+    Parameters of all nodes, by the names of nodes without their namespace.
 
     Attributes
     ----------
     start
-        values by node and by name with which the run began.
+        values at the start, by node and name.
     changes
-        what was changed or happened while it ran, in the order of the log.
+        changes and events while the robot ran, in the order of the log.
     restarted
-        nodes that were started again on the way, and began from nothing there.
+        nodes that were restarted while the robot ran.
 
     """
 
@@ -39,35 +39,35 @@ class ParameterHistory:
     restarted: tuple[str, ...]
 
 
-def parameter_history(records: Records, namespace: str, begun: Beginning) -> ParameterHistory:
+def parameter_history(
+    contents: LogContents, namespace: str, pass_start: PassStart
+) -> ParameterHistory:
     """
     Return the parameters of a robot's run.
 
-    They are taken from the topics `NODE/parameters`, which every recorder can record; where a
-    log has none of these, from its metadata.
+    They are read from the topics `NODE/parameters`, which every recorder can record; from the
+    metadata of a log without these topics. Records that cannot be read are ignored.
 
     Parameters
     ----------
-    records
+    contents
         the log.
     namespace
-        of the robot, what stands before the names of its topics.
-    begun
-        where in the log the run began; what was changed before is part of its beginning.
-
-    Records that cannot be read are left out, as every node refuses them.
+        namespace of the robot, with which the names of its topics start.
+    pass_start
+        start of the last pass; earlier changes are part of the parameters at the start.
 
     Raises
     ------
     InputError
-        for metadata that cannot be read.
+        if metadata cannot be read.
 
     """
     start: dict[str, dict[str, Any]] = {}
     changes: list[tuple[int, ParameterRecord]] = []
     restarted = []
     for node in PARAMETER_NODES:
-        topic = records.topics.get(namespace + parameters_topic(node))
+        topic = contents.topics.get(namespace + parameters_topic(node))
         if topic is None:
             continue
         for order, raw in zip(topic.orders, topic.messages, strict=True):
@@ -76,46 +76,42 @@ def parameter_history(records: Records, namespace: str, begun: Beginning) -> Par
             except InputError:
                 continue
             stamp = None if record.is_start else record.stamp
-            if node not in start or not begun.is_over(order, stamp):
+            if node not in start or not pass_start.is_over(order, stamp):
                 start[node] = record.parameters
             elif record.is_start:
                 restarted.append(node)
             else:
                 changes.append((order, record))
     if not start:
-        return _from_metadata(records)
-    changes.sort(key=lambda each: each[0])
+        return _from_metadata(contents)
+    changes.sort(key=lambda change: change[0])
     return ParameterHistory(start, tuple(record for _, record in changes), tuple(restarted))
 
 
-def _from_metadata(records: Records) -> ParameterHistory:
+def _from_metadata(contents: LogContents) -> ParameterHistory:
     start = {
-        _own_name(node): _start(text)
-        for record in records.metadata.get(PARAMETERS, ())
+        node.rpartition('/')[2]: _start(text)
+        for record in contents.metadata.get(PARAMETERS, ())
         for node, text in record.items()
     }
-    in_force = {node: dict(values) for node, values in start.items()}
+    current = {node: dict(values) for node, values in start.items()}
     changes = []
-    for record in records.metadata.get(CHANGES, ()):
+    for record in contents.metadata.get(CHANGES, ()):
         for _, text in sorted(record.items()):
-            found = _object(CHANGES, text)
+            entry = _object(CHANGES, text)
             try:
-                node, new = str(found['node']), parameter_values(found)
-                values = in_force.setdefault(_own_name(node), {})
+                node, new = str(entry['node']), parameter_values(entry)
+                values = current.setdefault(node.rpartition('/')[2], {})
                 values.update(new)
-                tick, stamp = int(found['tick']), int(found['stamp'])
+                tick, stamp = int(entry['tick']), int(entry['stamp'])
             except (KeyError, TypeError, ValueError, OverflowError) as error:
                 raise InputError(
                     f"metadata '{CHANGES}': expected JSON objects of node, tick, stamp and"
                     ' parameters'
                 ) from error
-            event = str(found.get('event', ''))
+            event = str(entry.get('event', ''))
             changes.append(ParameterRecord(node, tick, stamp, dict(values), tuple(new), event))
     return ParameterHistory(start, tuple(changes), ())
-
-
-def _own_name(node: str) -> str:
-    return node.rpartition('/')[2]
 
 
 def _start(text: str) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""States whose joints are the driven ones alone, with the platform's pose from odometry."""
+"""Pose of the platform from odometry, for states that have the driven joints only."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ import numpy as np
 
 def with_platform_pose(states: Series, odometry: Topic) -> Series:
     """
-    Add the platform's pose to states, as a controller with `pose_source: odom` does.
+    Add the platform's pose to states, as a controller with `pose_source: odom`.
 
     Parameters
     ----------
     states
         (N, 3 n) positions, velocities and efforts; stamps ascend.
     odometry
-        messages of nav_msgs/Odometry; those that a controller refuses are left out.
+        messages of nav_msgs/Odometry; those that a controller rejects are ignored.
 
     Returns
     -------
-        The states that odometry is near enough to in time.
+        The states with a pose of nearly the same time.
 
     Raises
     ------
     InputError
-        where it is near none, or cannot be decoded.
+        if no state has one, or if odometry cannot be decoded.
 
     """
     decode = message_decoder(odometry)
@@ -49,7 +49,7 @@ def with_platform_pose(states: Series, odometry: Topic) -> Series:
     base, values = BasePose(), states.values.copy()
     posed = np.zeros(len(states.stamps), bool)
     for index, stamp in enumerate(states.stamps.tolist()):
-        # The last one until then; before the first, the first.
+        # The latest pose; before the first pose, the first.
         while waiting and (base.stamp_ns is None or waiting[-1][0] <= stamp):
             with suppress(InputError):
                 base.update(*waiting.pop())

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reads a run back out of its log, whoever recorded it."""
+"""Reading of a run from its log, which any program may have recorded."""
 
 from __future__ import annotations
 
@@ -14,40 +14,20 @@ from typing import Any
 from masmc_ros.control.stamp_order import in_time, state_timeout
 from masmc_ros.errors import InputError
 from masmc_ros.log.bag import METADATA_FILE
+from masmc_ros.log.read import decode
 from masmc_ros.log.read.commanded_rates import twists
-from masmc_ros.log.read.contents import Records, Topic
-from masmc_ros.log.read.decode import (
-    commands,
-    decode,
-    decode_placed,
-    decode_references,
-    joint_states,
-    Series,
-    telemetry,
-    Topical,
-)
+from masmc_ros.log.read.contents import LogContents, Topic
 from masmc_ros.log.read.parameter_history import parameter_history
 from masmc_ros.log.read.platform_pose import with_platform_pose
-from masmc_ros.log.read.timeline import Beginning, last_pass, sample_reference
+from masmc_ros.log.read.timeline import last_pass, PassStart, sample_reference
 from masmc_ros.loop.signals import CONTACT, PUBLISHED, Signal
+from masmc_ros.messages import names as message_names
 from masmc_ros.messages.commands import ARM_VELOCITY, EFFORT
-from masmc_ros.messages.names import (
-    ARM_VELOCITY_TOPIC,
-    CMD_VEL_TOPIC,
-    COMMAND_TOPIC,
-    CONTACT_LABEL,
-    CONTACT_TOPIC,
-    DESCRIPTION_TOPIC,
-    JOINTS,
-    REFERENCE_TOPIC,
-    STATE_TOPIC,
-    telemetry_topic,
-)
 from masmc_ros.messages.parameter_record import ParameterRecord
 from masmc_ros.messages.telemetry import telemetry_count
 from masmc_ros.messages.text import text_of
 from masmc_ros.messages.topics import FLOAT_ARRAY, ODOMETRY, TOPICS, TWIST, TWIST_STAMPED
-from masmc_ros.numerics.aliases import Array, Stamps
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.field import ONE
 from masmc_ros.robot.declaration import Mechanism, Quantity, URDF
 from masmc_ros.robot.joint_names import (
@@ -60,21 +40,21 @@ from masmc_ros.robot.registry import NAME as MECHANISM
 import numpy as np
 
 _REAL_TIME = 'realtime'
-"""Pacing by the wall clock, in which states may come late."""
+"""Pacing in which states may be late."""
 
 _STATE_TYPE = 'sensor_msgs/msg/JointState'
 
 _TYPES = _STATE_TYPE, ODOMETRY, FLOAT_ARRAY, TWIST, TWIST_STAMPED
-"""Of what a run is read from."""
+"""Types of the topics from which a run is read."""
 
 
 @dataclass(frozen=True)
 class Run:
     """
-    One robot's run, N states long. Times are in s and ascend strictly.
+    Run of one robot with N states. Times are in s and ascend strictly.
 
-    After a reset, only what the last pass wrote is kept. In real time a state that comes after
-    newer ones is no reset: the controller leaves it out, and so does this.
+    After a reset of the robot, only the last pass is kept. In real time a state that arrives
+    after newer ones is not a reset: it is ignored, as in the controller.
 
     Attributes
     ----------
@@ -85,45 +65,44 @@ class Run:
     position
         (N, positions) of the base, then of the joints, m and rad.
     velocity
-        (N, positions) their rates in m/s and rad/s, NaN where they were not measured.
+        (N, positions) velocities in m/s and rad/s, NaN if they were not measured.
     applied_effort
-        (N, joints) torques applied over the interval that ends with the state, N m.
+        (N, joints) torques applied over the interval that ends with the state, N·m.
     torque
-        (M, joints) commanded torques in N m, at the stamps of the states that they answer;
-        M = 0 where rates were commanded.
+        (M, joints) commanded torques in N·m, at the stamps of the answered states; M = 0 if
+        velocities were commanded.
     cmd_vel
-        (P, twist) commanded velocities of the base in m/s and rad/s, at the stamps of the states
-        that they answer, or else of the log; P = 0 where torques were commanded.
+        (P, twist) commanded velocities of the base in m/s and rad/s, at the stamps of the
+        answered states if these are known, else at log times; P = 0 if torques were commanded.
     arm_rates
-        (Q, own_rates) commanded rates of the other joints in rad/s, at the stamps of the states
-        that they answer; Q = 0 likewise.
+        (Q, own_rates) commanded velocities of the other joints in rad/s, at the stamps of the
+        answered states; Q = 0 if torques were commanded.
     reference
-        (N, 3 axes) position (m), velocity (m/s) and acceleration (m/s^2) of the
-        task axes at the time of each state; None where the log has none, NaN before it
-        begins.
-    telemetry : mapping
-        what the controller told of its ticks, by the names of signals, where the log has it.
-    parameters : mapping
-        with which every node began.
+        (N, 3 axes) position (m), velocity (m/s) and acceleration (m/s^2) of the task axes at the
+        time of each state; None if the log has none, NaN before its start.
+    telemetry
+        telemetry of the controller by the names of signals, as far as the log has it.
+    parameters
+        parameters at the start by node.
     changes
-        of parameters while the robot ran, and events, in the order of the log.
+        changes of parameters and events while the robot ran, in the order of the log.
     restarted
-        nodes that were started again while the robot ran.
-    mechanism
-        what kind of robot it was.
-    joint_names
-        (positions) by which the states are read, in the order of `position`.
+        nodes that were restarted while the robot ran.
     topics
         number of messages of every topic of the log.
-    elsewhere
-        topics of types that a run has, under names that it does not have.
-    contact
-        (K, contacts x CONTACT) what the plant told of each contact with the ground; None where
-        the log has none.
     metadata
         records of each name, in the order of the log.
     attachments
         files by name.
+    mechanism
+        kind of robot.
+    joint_names
+        (positions) names of the joints, in the order of `position`.
+    elsewhere
+        topics of types that a run has, under names that it does not have.
+    contact
+        (K, contacts x CONTACT) telemetry of each contact with the ground; None if the log has
+        none.
 
     """
 
@@ -132,11 +111,11 @@ class Run:
     position: Array
     velocity: Array
     applied_effort: Array
-    torque: Series
-    cmd_vel: Series
-    arm_rates: Series
+    torque: decode.Series
+    cmd_vel: decode.Series
+    arm_rates: decode.Series
     reference: Array | None
-    telemetry: dict[str, Series]
+    telemetry: dict[str, decode.Series]
     parameters: dict[str, dict[str, Any]]
     changes: tuple[ParameterRecord, ...]
     restarted: tuple[str, ...]
@@ -144,18 +123,18 @@ class Run:
     metadata: dict[str, list[dict[str, str]]]
     attachments: dict[str, bytes]
     mechanism: Mechanism = DEFAULT
-    joint_names: tuple[str, ...] = JOINTS
+    joint_names: tuple[str, ...] = message_names.JOINTS
     elsewhere: tuple[str, ...] = ()
-    contact: Series | None = None
+    contact: decode.Series | None = None
 
     @property
     def commands_rates(self) -> bool:
-        """Whether rates were commanded, and no torques."""
+        """Whether velocities were commanded, and no torques."""
         return not len(self.torque) and bool(len(self.cmd_vel) or len(self.arm_rates))
 
     @property
     def contact_names(self) -> tuple[str, ...]:
-        """Return the joints of what touches the ground, or numbers where no joint moves it."""
+        """Return the joints of the bodies in contact, or numbers if these have no joints."""
         count = 0 if self.contact is None else self.contact.values.shape[1] // len(CONTACT)
         base, twist = len(self.mechanism.base), len(self.mechanism.twist)
         if count == twist:
@@ -163,11 +142,11 @@ class Run:
         return tuple(f'contact_{number}' for number in range(1, count + 1))
 
     def components(self, signal: Signal) -> tuple[Quantity, ...]:
-        """Return what each component of a signal belongs to: an axis, a joint, a parameter."""
+        """Return the axis, joint or parameter of each component of a signal."""
         mechanism = self.mechanism
         positions = tuple(
-            Quantity(name, each.unit, each.label)
-            for name, each in zip(self.joint_names, mechanism.positions, strict=True)
+            Quantity(name, quantity.unit, quantity.label)
+            for name, quantity in zip(self.joint_names, mechanism.positions, strict=True)
         )
         return {
             'axes': mechanism.axes,
@@ -179,7 +158,7 @@ class Run:
 
 
 def is_log(path: Path) -> bool:
-    """Tell by its name whether a path is a log, or by what is in it for a folder."""
+    """Return True if a file has the name of a log, or if a folder contains a recording."""
     if path.is_dir():
         return (path / METADATA_FILE).exists() or any(path.glob('*.mcap'))
     return path.suffix == '.mcap'
@@ -187,71 +166,74 @@ def is_log(path: Path) -> bool:
 
 def read_run(path: str | Path) -> Run:
     """
-    Read the log of one robot, in whatever namespace it ran.
+    Read the log of one robot in any namespace.
 
     Parameters
     ----------
     path
-        an MCAP file that this package, `ros2 bag record` or another tool wrote, or the
-        folder of a recording in several.
+        MCAP file of this package, of `ros2 bag record` or of another program, or folder of a
+        recording in parts.
 
     Raises
     ------
     InputError
-        for a file that is missing, no MCAP file, damaged, incomplete, or without
+        if a file is missing, no MCAP file, damaged or incomplete, or if the log does not have
         the states of exactly one robot.
 
     """
-    # Who reads no log need not have what reads MCAP.
+    # Imported here: commands that read no log need no MCAP libraries.
     from masmc_ros.log.read.scan import scan
 
     path = Path(path)
-    records = scan(path)
+    contents = scan(path)
     try:
-        return _run(path, records)
+        return _run(path, contents)
     except InputError as error:
         raise InputError(f'{path}: {error}') from error
 
 
-def _run(path: Path, records: Records) -> Run:
-    states_topic = _only_states(records)
-    namespace = states_topic.name.removesuffix(STATE_TOPIC)
+def _run(path: Path, contents: LogContents) -> Run:
+    states_topic = _only_states(contents)
+    namespace = states_topic.name.removesuffix(message_names.STATE_TOPIC)
 
-    def series(name: str, how: Topical) -> Series | None:
-        topic = _topic(records, namespace + name, FLOAT_ARRAY)
-        # A topic on which strangers alone have sent is as one that nobody has sent on.
+    def series(name: str, kind: decode.MessageFormat) -> decode.Series | None:
+        """Return None for a topic without messages that a receiver accepts."""
+        topic = _topic(contents, namespace + name, FLOAT_ARRAY)
         with suppress(InputError):
-            return None if topic is None else decode(topic, how)
+            return None if topic is None else decode.decode_topic(topic, kind)
         return None
 
-    given = parameter_history(records, namespace, Beginning()).start
-    mechanism, names = _robot(records, namespace, given)
-    base = len(mechanism.base)
-    rated = names[base + len(mechanism.twist):]
-    every_state, orders, odometry = _states(records, namespace, states_topic, mechanism, names)
-    taken = in_time(every_state.stamps, _gap_ns(given))
-    begun = Beginning(orders[taken], every_state.stamps[taken])
+    start = parameter_history(contents, namespace, PassStart()).start
+    mechanism, names = _robot(contents, namespace, start)
+    base, twist_size, axes = len(mechanism.base), len(mechanism.twist), len(mechanism.axes)
+    every_state, odometry = _states(contents, namespace, states_topic, mechanism, names)
+    taken = in_time(every_state.stamps, _gap_ns(start))
+    assert every_state.orders is not None
+    pass_start = PassStart(every_state.orders[taken], every_state.stamps[taken])
     kept = taken[last_pass(every_state.stamps[taken])]
-    states = Series(every_state.stamps[kept], every_state.values[kept])
+    states = decode.Series(every_state.stamps[kept], every_state.values[kept])
     if odometry is not None:
         states = with_platform_pose(states, odometry)
-    history = parameter_history(records, namespace, begun)
-    _describe(history.start, records, namespace)
+    history = parameter_history(contents, namespace, pass_start)
+    _insert_description(history.start, contents, namespace)
     position, velocity, effort = np.hsplit(states.values, 3)
-    efforts = series(COMMAND_TOPIC, commands(EFFORT.named(names[base:])))
-    every_arm_rate = series(ARM_VELOCITY_TOPIC, commands(ARM_VELOCITY.named(rated)))
-    cmd_vel_topic = _topic(records, namespace + CMD_VEL_TOPIC, TWIST, TWIST_STAMPED)
-    places = [each.place for each in mechanism.twist]
-    every_twist = (
-        None if cmd_vel_topic is None else twists(cmd_vel_topic, every_arm_rate, places)
-    )
-    references = _topic(records, namespace + REFERENCE_TOPIC, FLOAT_ARRAY)
-    told = {}
+    driven, rated = EFFORT.named(names[base:]), ARM_VELOCITY.named(names[base + twist_size:])
+    efforts = series(message_names.COMMAND_TOPIC, decode.commands(driven))
+    arm_rates = series(message_names.ARM_VELOCITY_TOPIC, decode.commands(rated))
+    places = [component.place for component in mechanism.twist]
+    topic = _topic(contents, namespace + message_names.CMD_VEL_TOPIC, TWIST, TWIST_STAMPED)
+    twist = None if topic is None else twists(topic, arm_rates, places)
+    topic = _topic(contents, namespace + message_names.REFERENCE_TOPIC, FLOAT_ARRAY)
+    reference = None
+    if topic is not None:
+        reference = sample_reference(decode.decode_references(topic, axes), states.stamps, axes)
+    signals = {}
     for signal in PUBLISHED:
         count = signal.count(mechanism.sizes)
-        each = series(telemetry_topic(signal.label), telemetry(signal.label, count))
-        if each is not None:
-            told[signal.name] = _last_pass(each, count)
+        name = message_names.telemetry_topic(signal.label)
+        values = series(name, decode.telemetry(signal.label, count))
+        if values is not None:
+            signals[signal.name] = _last_pass(values, count)
     return Run(
         path=path,
         times=states.times,
@@ -259,65 +241,52 @@ def _run(path: Path, records: Records) -> Run:
         velocity=velocity,
         applied_effort=effort[:, base:],
         torque=_last_pass(efforts, len(names) - base),
-        cmd_vel=_last_pass(every_twist, len(places)),
-        arm_rates=_last_pass(every_arm_rate, len(rated)),
-        reference=(
-            None
-            if references is None
-            else sample_reference(
-                decode_references(references, len(mechanism.axes)),
-                states.stamps,
-                len(mechanism.axes),
-            )
-        ),
-        telemetry=told,
+        cmd_vel=_last_pass(twist, twist_size),
+        arm_rates=_last_pass(arm_rates, len(rated.joints)),
+        reference=reference,
+        telemetry=signals,
         parameters=history.start,
         changes=history.changes,
         restarted=history.restarted,
-        topics={topic.name: len(topic.messages) for topic in records.topics.values()},
-        metadata=records.metadata,
-        attachments=records.attachments,
+        topics={topic.name: len(topic.messages) for topic in contents.topics.values()},
+        metadata=contents.metadata,
+        attachments=contents.attachments,
         mechanism=mechanism,
         joint_names=names,
-        elsewhere=tuple(_elsewhere(records, namespace, *_TYPES)),
-        contact=_contact(_topic(records, namespace + CONTACT_TOPIC, FLOAT_ARRAY)),
+        elsewhere=tuple(_elsewhere(contents, namespace, *_TYPES)),
+        contact=_contact(_topic(contents, namespace + message_names.CONTACT_TOPIC, FLOAT_ARRAY)),
     )
 
 
-def _contact(topic: Topic | None) -> Series | None:
-    """Return what the last pass tells of contacts with the ground, however many they are."""
-    if topic is None:
-        return None
-    count = telemetry_count(CONTACT_LABEL, len(topic.messages[0]))
-    if count <= 0 or count % len(CONTACT):
-        return None
-    with suppress(InputError):
-        return _last_pass(decode(topic, telemetry(CONTACT_LABEL, count)), count)
+def _contact(topic: Topic | None) -> decode.Series | None:
+    """Return the last pass of contacts with the ground, for any number of contacts."""
+    label = message_names.CONTACT_LABEL
+    count = 0 if topic is None else telemetry_count(label, len(topic.messages[0]))
+    if topic is not None and count > 0 and not count % len(CONTACT):
+        with suppress(InputError):
+            return _last_pass(decode.decode_topic(topic, decode.telemetry(label, count)), count)
     return None
 
 
 def _gap_ns(start: Mapping[str, dict[str, Any]]) -> int | None:
-    """Return how far states may be apart in real time, in ns; None: an older one is a reset."""
-    controller = start.get('controller', {})
-    if _REAL_TIME not in (each.get('pacing') for each in start.values()):
-        return None
-    try:
-        return round(1e9 * state_timeout(controller))
-    except (KeyError, TypeError, ValueError, OverflowError):
-        return None
+    """Return the maximum gap of states in real time, in ns; None: an older state is a reset."""
+    if _REAL_TIME in (values.get('pacing') for values in start.values()):
+        with suppress(KeyError, TypeError, ValueError, OverflowError):
+            return round(1e9 * state_timeout(start.get('controller', {})))
+    return None
 
 
 def _robot(
-    records: Records, namespace: str, start: dict[str, dict[str, Any]]
+    contents: LogContents, namespace: str, start: dict[str, dict[str, Any]]
 ) -> tuple[Mechanism, tuple[str, ...]]:
-    """Return the kind of robot and its joints, as the plant or else the controller was told."""
-    _describe(start, records, namespace)
-    told = [start.get(node, {}) for node in ('plant', 'controller')]
-    kinds = (values[MECHANISM] for values in told if isinstance(values.get(MECHANISM), str))
-    trees = (values for values in told if isinstance(values.get(URDF), str) and values[URDF])
+    """Return the kind of robot and its joints by the plant's or else the controller's values."""
+    _insert_description(start, contents, namespace)
+    nodes = [start.get(node, {}) for node in ('plant', 'controller')]
+    kinds = (values[MECHANISM] for values in nodes if isinstance(values.get(MECHANISM), str))
+    trees = (values for values in nodes if isinstance(values.get(URDF), str) and values[URDF])
     tree = next(trees, None)
     mechanism = load(next(kinds, DEFAULT.name)) if tree is None else mechanism_from(tree)
-    for values in told:
+    for values in nodes:
         names = values.get(JOINT_NAMES_PARAMETER)
         if names is not None:
             checked: Any = joint_names_parameter(mechanism).check(names)
@@ -325,12 +294,12 @@ def _robot(
     return mechanism, joint_names_of(mechanism)
 
 
-def _describe(
-    start: Mapping[str, dict[str, Any]], records: Records, namespace: str
+def _insert_description(
+    start: Mapping[str, dict[str, Any]], contents: LogContents, namespace: str
 ) -> None:
-    """Put the description that was published in place of the name of its file."""
-    topic = records.topics.get(namespace + DESCRIPTION_TOPIC)
-    # With a prefix before its frames it is no longer what the parameters speak of.
+    """Replace the name of a description file by the published description."""
+    topic = contents.topics.get(namespace + message_names.DESCRIPTION_TOPIC)
+    # With a prefix of its frames it differs from the file that the parameters name.
     if topic is None or not topic.messages or start.get('plant', {}).get('frame_prefix'):
         return
     for values in start.values():
@@ -339,81 +308,78 @@ def _describe(
                 values[URDF] = text_of(topic.messages[0])
 
 
-def _elsewhere(records: Records, namespace: str, *type_names: str) -> list[str]:
-    """Return the topics of some types that are none of the robot's, and have messages."""
+def _elsewhere(contents: LogContents, namespace: str, *type_names: str) -> list[str]:
+    """Return the topics of some types that have messages and are not the robot's."""
     ours = {namespace + topic.name for topic in TOPICS}
     return sorted(
         topic.name
-        for topic in records.topics.values()
-        if topic.messages
-        and topic.schema is not None
-        and topic.schema.name in type_names
-        and topic.name not in ours
+        for topic in contents.topics.values()
+        if topic.messages and topic.name not in ours and _type_name(topic) in type_names
     )
 
 
 def _hint(topics: list[str], name: str) -> str:
-    """Return what to add to a line about a topic that is missing."""
+    """Return an addition to the error message for a missing topic."""
     if not topics:
         return ''
     return f'; {" and ".join(topics)}, of that type, would have to be called {name}'
 
 
-def _only_states(records: Records) -> Topic:
-    """Return the topic of the joint states, of which there must be one."""
-    found = [
+def _only_states(contents: LogContents) -> Topic:
+    """Return the topic of the joint states; InputError unless there is exactly one."""
+    state_topic = message_names.STATE_TOPIC
+    topics = [
         topic
-        for topic in records.topics.values()
-        if f'/{topic.name}'.endswith(f'/{STATE_TOPIC}') and topic.messages
+        for topic in contents.topics.values()
+        if f'/{topic.name}'.endswith(f'/{state_topic}') and topic.messages
     ]
-    if not found:
+    if not topics:
         raise InputError(
-            f'no {STATE_TOPIC} in it; a run has at least these, recorded with the other topics'
-            f' of the robot{_hint(_elsewhere(records, "/", _STATE_TYPE), STATE_TOPIC)}'
+            f'no {state_topic} in it; a run has at least these, recorded with the other topics'
+            f' of the robot{_hint(_elsewhere(contents, "/", _STATE_TYPE), state_topic)}'
         )
-    if len(found) > 1:
-        names = ', '.join(sorted(topic.name for topic in found))
+    if len(topics) > 1:
+        names = ', '.join(sorted(topic.name for topic in topics))
         raise InputError(f'states of several robots ({names}); a run is the log of one robot')
-    topic = _topic(records, found[0].name, _STATE_TYPE)
-    assert topic is not None
-    return topic
+    _topic(contents, topics[0].name, _STATE_TYPE)
+    return topics[0]
 
 
 def _states(
-    records: Records,
-    namespace: str,
-    topic: Topic,
-    mechanism: Mechanism,
+    contents: LogContents, namespace: str, topic: Topic, mechanism: Mechanism,
     names: tuple[str, ...],
-) -> tuple[Series, Stamps, Topic | None]:
-    """Return states, their places in the log, and odometry where they lack the base's joints."""
+) -> tuple[decode.Series, Topic | None]:
+    """Return the states, and the odometry if they lack the base's joints."""
     try:
-        return *decode_placed(topic, joint_states(names)), None
+        return decode.decode_topic(topic, decode.joint_states(names)), None
     except InputError as error:
         if not mechanism.is_planar:
             raise
-        odometry = _topic(records, namespace + 'odom', ODOMETRY)
+        odometry = _topic(contents, namespace + 'odom', ODOMETRY)
         if odometry is None:
-            hint = _hint(_elsewhere(records, namespace, ODOMETRY), f'{namespace}odom')
+            hint = _hint(_elsewhere(contents, namespace, ODOMETRY), f'{namespace}odom')
             raise InputError(f'{error}{hint}') from None
         driven = names[len(mechanism.base):]
-        return *decode_placed(topic, joint_states(names, driven)), odometry
+        return decode.decode_topic(topic, decode.joint_states(names, driven)), odometry
 
 
-def _topic(records: Records, name: str, *type_names: str) -> Topic | None:
-    """Return a topic that has messages, None where there is none such."""
-    topic = records.topics.get(name)
+def _topic(contents: LogContents, name: str, *type_names: str) -> Topic | None:
+    """Return a topic with messages, or None; InputError if it has another type."""
+    topic = contents.topics.get(name)
     if topic is None or not topic.messages:
         return None
-    found = topic.schema.name if topic.schema else 'no type'
-    if found not in type_names:
-        raise InputError(f'{name} is {found}; it takes {" or ".join(type_names)}')
+    if _type_name(topic) not in type_names:
+        raise InputError(f'{name} is {_type_name(topic)}; it takes {" or ".join(type_names)}')
     return topic
 
 
-def _last_pass(series: Series | None, width: int) -> Series:
-    """Return what still holds at the end; nothing, `width` wide, of a topic that is missing."""
+def _type_name(topic: Topic) -> str:
+    return topic.schema.name if topic.schema else 'no type'
+
+
+def _last_pass(series: decode.Series | None, width: int) -> decode.Series:
+    """Return the last pass of a series; an empty series of a width for a missing topic."""
     if series is None:
-        return Series(np.zeros(0, np.int64), np.zeros((0, width)))
+        return decode.Series(np.zeros(0, np.int64), np.zeros((0, width)))
     kept = last_pass(series.stamps)
-    return Series(series.stamps[kept], series.values[kept])
+    return decode.Series(series.stamps[kept], series.values[kept])

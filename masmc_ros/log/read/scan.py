@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reads the records of an MCAP file in the order in which they were written."""
+"""Bulk reading of the records of an MCAP file, in the order in which they were written."""
 
 from __future__ import annotations
 
@@ -12,67 +12,52 @@ import struct
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.bag import part_names
-from masmc_ros.log.mcap.records import (
-    all_records,
-    check_magic,
-    cut_off,
-    Data,
-    decompressed,
-    LARGEST_CHUNK,
-    LARGEST_RATIO,
-    MAGIC,
-    MESSAGE_HEAD,
-    parsed,
-    RECORD_HEAD,
-    records,
-)
-from masmc_ros.log.read.contents import Records, Topic
+from masmc_ros.log.mcap import codec
+from masmc_ros.log.read.contents import LogContents, Topic
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
 
+_LARGEST_RATIO = 500
+"""Maximum ratio of the unpacked size of a log to its own size; runs reach about 50."""
+
 _MEMORY = os.sysconf('SC_PHYS_PAGES') * os.sysconf('SC_PAGE_SIZE') // 2
-"""Bytes that a log may take at most: half of what the machine has."""
+"""Maximum unpacked size of a log in bytes: half of the machine's memory."""
 
 _READ = Opcode.CHUNK, Opcode.METADATA, Opcode.ATTACHMENT, Opcode.SCHEMA, Opcode.CHANNEL
 """Records whose content is read, in addition to messages."""
 
-_MESSAGE = struct.Struct('<9xH4xQ')
-"""Channel and log time in ns of the record of a message."""
+_MESSAGE = struct.Struct('<9xH4xQ8x')
+"""Channel and log time in ns before the content of a message."""
 
-_MESSAGE_HEAD = RECORD_HEAD.size + MESSAGE_HEAD.size
-"""Bytes before the content of a message."""
-
-_SIZE = slice(RECORD_HEAD.size + 16, RECORD_HEAD.size + 24)
-"""Place of the unpacked size in the record of a chunk."""
+_SIZE = struct.Struct('<25xQ')
+"""Unpacked size in the record of a chunk."""
 
 
-def scan(path: Path) -> Records:
+def scan(path: Path) -> LogContents:
     """
     Read a whole log.
 
     Parameters
     ----------
     path
-        the file, or the folder of a recording in parts.
+        file, or folder of a recording in parts.
 
     Raises
     ------
     InputError
-        for a file that is missing, no MCAP file, damaged or incomplete, and for a
-        folder that is no recording.
+        if a file is missing, no MCAP file, damaged or incomplete, or if a folder is not a
+        recording.
 
     """
-    records = Records()
-    if not os.path.isdir(path):
-        _scan_file(path, records)
-        return records
-    for name in part_names(path):
-        _scan_file(path / name, records)
-    return records
+    contents = LogContents()
+    is_folder = os.path.isdir(path)
+    for part in [path / name for name in part_names(path)] if is_folder else [path]:
+        _scan_file(part, contents)
+    return contents
 
 
-def _scan_file(path: Path, found: Records) -> None:
-    """Add what a file holds."""
+def _scan_file(path: Path, contents: LogContents) -> None:
+    """Add the content of a file."""
     if os.path.exists(path) and not os.path.isfile(path):
         raise InputError(f'{path}: is not a file; name a .mcap file')
     try:
@@ -80,71 +65,64 @@ def _scan_file(path: Path, found: Records) -> None:
             if not os.fstat(stream.fileno()).st_size:
                 raise InputError(f'{path}: is empty; name a log such as run.mcap')
             with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
-                _scan_data(path, data, found)
+                _scan_data(path, data, contents)
     except (OSError, ValueError) as error:
         reason = getattr(error, 'strerror', None) or error
         raise InputError(f'{path}: cannot be read: {reason}') from error
 
 
-def _scan_data(path: Path, data: Data, found: Records) -> None:
-    check_magic(path, data[: len(MAGIC)])
-    hint = f'`masmc recover {path}` makes a complete one of it'
+def _scan_data(path: Path, data: codec.Data, contents: LogContents) -> None:
+    codec.check_magic(path, data[: len(codec.MAGIC)])
+    if len(data) == len(codec.MAGIC) or data[-len(codec.MAGIC):] != codec.MAGIC:
+        raise InputError(codec.cut_off(path))
     _check_size(path, data)
-    collector, end, is_over = _Collector(found), len(MAGIC), False
-    for opcode, start, end in records(data):
+    collector, opcode, end = _Collector(contents), 0, len(codec.MAGIC)
+    hint = f'`masmc recover {path}` makes a complete one of it'
+    for opcode, start, end in codec.records(data):
         try:
-            collector.take(data, opcode, start, end)
-        # Whatever a library says of bytes that were never written so.
-        except Exception as error:
+            collector.add(data, opcode, start, end)
+        except Exception as error:  # mcap and the compressors raise many kinds for damaged bytes
             reason = f'channel {error} is not declared' if type(error) is KeyError else error
             raise InputError(
                 f'{path}: the log is damaged: {reason}, at byte {start}; {hint}'
             ) from error
-        is_over = opcode == Opcode.FOOTER
-        if is_over:
+        if opcode == Opcode.FOOTER:
             break
-    if is_over and data[end:] == MAGIC:
-        return
-    is_cut = data[-len(MAGIC):] != MAGIC or len(data) == len(MAGIC)
-    if MAGIC.startswith(data[end:]) if is_over else is_cut:
-        raise InputError(cut_off(path))
-    raise InputError(f'{path}: the log is damaged: no record can be read at byte {end}; {hint}')
-
-
-def _check_size(path: Path, data: Data) -> None:
-    """Raise InputError for a log that unpacks to more than a run, or half the memory, can be."""
-    size = sum(
-        int.from_bytes(data[start + _SIZE.start:start + _SIZE.stop], 'little')
-        for opcode, start, _ in records(data)
-        if opcode == Opcode.CHUNK
-    )
-    if size > max(LARGEST_CHUNK, LARGEST_RATIO * len(data)):
+    if opcode != Opcode.FOOTER or data[end:] != codec.MAGIC:
         raise InputError(
-            f'{path}: its {len(data)} bytes say that they unpack to {size} bytes; expected at'
-            f' most {LARGEST_RATIO} times as many'
+            f'{path}: the log is damaged: no record can be read at byte {end}; {hint}'
         )
-    if size > _MEMORY:
+
+
+def _check_size(path: Path, data: codec.Data) -> None:
+    """Raise InputError if a log unpacks to more than a run, or half of the memory, can be."""
+    size = sum(
+        _SIZE.unpack_from(data, start)[0]
+        for opcode, start, end in codec.records(data)
+        if opcode == Opcode.CHUNK and end - start >= _SIZE.size
+    )
+    limit = min(max(codec.LARGEST_CHUNK, _LARGEST_RATIO * len(data)), _MEMORY)
+    if size > limit:
         raise InputError(
-            f'{path}: unpacks to {size} bytes, and half the memory of this machine is {_MEMORY}'
-            ' bytes; expected a shorter run, or one part of it'
+            f'{path}: its {len(data)} bytes unpack to {size} bytes; expected at most {limit}:'
+            f' {_LARGEST_RATIO} times as many, and half the memory of this machine'
         )
 
 
 class _Collector:
-    """Records of one file, sorted by topic."""
+    """Content of files, sorted by topic."""
 
-    def __init__(self, contents: Records) -> None:
+    def __init__(self, contents: LogContents) -> None:
         """Initialise the collector with the content of earlier files."""
-        self._records = contents
+        self._contents = contents
         self._schemas: dict[int, Schema] = {}
         self._topics: dict[int, Topic] = {}
-        self._number = sum(len(topic.messages) for topic in contents.topics.values())
-        # A later part starts with messages that are still valid: these are there already.
-        self._repeated = {
-            topic.name: topic.messages[-1] for topic in contents.topics.values() if topic.messages
-        }
+        earlier = [topic for topic in contents.topics.values() if topic.messages]
+        self._number = sum(len(topic.messages) for topic in earlier)
+        # A later part starts with messages that are still valid: they are in an earlier part.
+        self._repeated = {topic.name: topic.messages[-1] for topic in earlier}
 
-    def take(self, data: Data, opcode: int, start: int, end: int) -> None:
+    def add(self, data: codec.Data, opcode: int, start: int, end: int) -> None:
         """
         Add a record.
 
@@ -157,36 +135,29 @@ class _Collector:
 
         """
         if opcode == Opcode.MESSAGE:
-            self._add_message(data, start, end)
+            # mcap makes an object of each message, which takes five times as long.
+            channel, log_time = _MESSAGE.unpack_from(data, start)
+            topic, message = self._topics[channel], data[start + _MESSAGE.size:end]
+            if self._repeated and self._repeated.pop(topic.name, None) == message:
+                return
+            topic.orders.append(self._number)
+            self._number += 1
+            topic.log_times.append(log_time)
+            topic.messages.append(message)
             return
-        record = parsed(data[start:end]) if opcode in _READ else None
+        record = codec.parsed(data[start:end]) if opcode in _READ else None
         if isinstance(record, Chunk):
-            content = decompressed(record)
-            for kind, first, last in all_records(content):
-                if kind == Opcode.MESSAGE:
-                    self._add_message(content, first, last)
-                else:
-                    self.take(content, kind, first, last)
+            content = codec.decompressed(record)
+            for kind, first, last in codec.all_records(content):
+                self.add(content, kind, first, last)
         elif isinstance(record, Metadata):
-            self._records.metadata.setdefault(record.name, []).append(record.metadata)
+            self._contents.metadata.setdefault(record.name, []).append(record.metadata)
         elif isinstance(record, Attachment):
-            self._records.attachments[record.name] = record.data
+            self._contents.attachments[record.name] = record.data
         elif isinstance(record, Schema):
             self._schemas[record.id] = record
         elif isinstance(record, Channel):
             # A topic of several channels is one topic, and the summary repeats the channels.
             schema = self._schemas.get(record.schema_id)
             topic = Topic(record.topic, record.message_encoding, schema)
-            self._topics[record.id] = self._records.topics.setdefault(topic.name, topic)
-
-    def _add_message(self, data: Data, start: int, end: int) -> None:
-        # mcap makes an object of each message, which takes five times as long.
-        channel, log_time = _MESSAGE.unpack_from(data, start)
-        topic = self._topics[channel]
-        message = data[start + _MESSAGE_HEAD:end]
-        if self._repeated and self._repeated.pop(topic.name, None) == message:
-            return
-        topic.orders.append(self._number)
-        self._number += 1
-        topic.log_times.append(log_time)
-        topic.messages.append(message)
+            self._topics[record.id] = self._contents.topics.setdefault(topic.name, topic)

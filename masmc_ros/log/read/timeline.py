@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What holds at a time, out of what was sent at several: windows of the reference, resets."""
+"""Time line of a run: the pass after the last reset, and the reference at each stamp."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ _END_OF_TIME = np.iinfo(np.int64).max
 
 def last_pass(stamps: Stamps) -> NDArray[np.intp]:
     """
-    Return which of `stamps` (n), in the order of arrival, still hold at the end.
+    Return the places of those `stamps` (n), in the order of arrival, that are valid at the end.
 
-    After a reset, time starts again: what came before the reset and lies at or after the new
-    time is void. The stamps that remain ascend strictly.
+    After a reset, time starts again: earlier stamps at or after the new time are void. The
+    remaining stamps ascend strictly.
     """
     if not len(stamps):
         return np.zeros(0, np.intp)
@@ -34,80 +34,84 @@ def last_pass(stamps: Stamps) -> NDArray[np.intp]:
     return np.flatnonzero(stamps < earliest_later)
 
 
-class Beginning:
+class PassStart:
     """
-    Where the last pass of a run began.
+    Start of the last pass of a run.
 
-    Between topics of several nodes the order in a log is that in which a recorder took them: what
-    the controller tells with its answer to a state may stand before that state, and what it told
-    with its last answer before a reset behind the first state after it.
+    A recorder takes topics of several nodes in any order: telemetry of a state may precede
+    this state in the log, and telemetry of the last state before a reset may follow the first
+    state after it.
     """
 
     def __init__(self, orders: ArrayLike = (), stamps: ArrayLike = ()) -> None:
-        """Take the positions of all states in a log and their stamps in ns; nothing: one pass."""
+        """
+        Initialise the start; without states there is one pass.
+
+        Parameters
+        ----------
+        orders
+            (n) positions of all states in the log.
+        stamps
+            (n) their stamps in ns.
+
+        """
         self._orders, self._stamps = np.array(orders, np.int64), np.array(stamps, np.int64)
         steps = np.diff(self._stamps)
-        back = np.flatnonzero(steps < 0)
-        self._first = int(back[-1]) + 1 if len(back) else 0
+        self._first = int(np.max(np.flatnonzero(steps < 0) + 1, initial=0))
         self._period = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
 
     def is_over(self, order: int, stamp: int | None = None) -> bool:
-        """Tell whether what is at a position, with the stamp of a state if any, came after it."""
+        """Return True if a record, with the stamp of its state if any, is of the last pass."""
         if not self._first:
             return True
         if stamp is None:
             return order > int(self._orders[self._first])
-        before, since = slice(self._first), slice(self._first, None)
-        return self._distance(since, order, stamp) < self._distance(before, order, stamp)
-
-    def _distance(self, states: slice, order: int, stamp: int) -> float:
-        """Return how far a position and a stamp are from the next state, in messages and ticks."""
-        ticks = np.abs(self._stamps[states] - stamp) / self._period
-        return float((ticks + np.abs(self._orders[states] - order)).min())
+        ticks = np.abs(self._stamps - stamp) / self._period
+        distances = ticks + np.abs(self._orders - order)
+        return bool(distances[self._first:].min() < distances[:self._first].min())
 
 
-class _Stretch(NamedTuple):
-    """Samples that hold: stamps (n) in ns, samples (n, 3, 4), period in ns."""
+class _Samples(NamedTuple):
+    """Valid samples: stamps (n) in ns, samples (n, 3, 4), period in ns."""
 
     stamps: Stamps
     samples: Array
     period: int
 
     def covers(self, stamp: int) -> bool:
-        """Tell whether a window has a stamp between its samples, or next to one."""
+        """Return True if a stamp lies between the samples of a window, or next to one."""
         first, last = int(self.stamps[0]), int(self.stamps[-1])
         return bool(self.period) and first - self.period < stamp < last + self.period
 
-    def part(self, start: int, end: int) -> _Stretch:
-        return _Stretch(self.stamps[start:end], self.samples[start:end], self.period)
+    def part(self, start: int, end: int | None = None) -> _Samples:
+        return _Samples(self.stamps[start:end], self.samples[start:end], self.period)
 
 
-def _lay(windows: Iterable[tuple[int, ReferenceWindow]]) -> list[_Stretch]:
+def _overlay(windows: Iterable[tuple[int, ReferenceWindow]]) -> list[_Samples]:
     """
-    Lay windows over one another in the order of arrival; return what remains of each.
+    Overlay windows in the order of arrival; return the remaining samples of each.
 
-    As the controller does, a set-point beside a trajectory is left out.
+    A set-point during a trajectory is ignored, as in the controller.
     """
-    stretches: list[_Stretch] = []
+    parts: list[_Samples] = []
     for arrival, window in windows:
         stamps = window.stamps()
         if window.stamp_ns is None:
-            if any(each.covers(arrival) for each in stretches):
+            if any(part.covers(arrival) for part in parts):
                 continue
             stamps = np.array([arrival])
-        end = int(stamps[-1])
-        beyond = []
-        while stretches and stretches[-1].stamps[-1] >= stamps[0]:
-            old = stretches.pop()
+        later = []
+        while parts and parts[-1].stamps[-1] >= stamps[0]:
+            old = parts.pop()
             first = int(np.searchsorted(old.stamps, stamps[0]))
-            after = int(np.searchsorted(old.stamps, end, side='right'))
+            after = int(np.searchsorted(old.stamps, stamps[-1], side='right'))
             if after < len(old.stamps):
-                beyond.append(old.part(after, len(old.stamps)))
+                later.append(old.part(after))
             if first > 0:
-                stretches.append(old.part(0, first))
-        stretches.append(_Stretch(stamps, window.samples, round(window.period * NANOSECONDS)))
-        stretches.extend(reversed(beyond))
-    return stretches
+                parts.append(old.part(0, first))
+        parts.append(_Samples(stamps, window.samples, round(window.period * NANOSECONDS)))
+        parts.extend(reversed(later))
+    return parts
 
 
 def sample_reference(
@@ -116,14 +120,14 @@ def sample_reference(
     """
     Return the reference at each of `stamps`.
 
-    Newer windows replace older ones where they overlap. Between two samples one period apart
-    the reference is their quintic Hermite polynomial; past the end of what was sent it holds
-    the last position. A set-point holds as it is.
+    Newer windows replace older ones in their overlap. Between two samples one period apart
+    the reference is their quintic Hermite polynomial; after the end it holds the last position.
+    A set-point is constant.
 
     Parameters
     ----------
     windows
-        each with its time of arrival in ns, in the order of arrival.
+        windows with their time of arrival in ns, in the order of arrival.
     stamps
         (N) in ns.
     axes
@@ -135,13 +139,13 @@ def sample_reference(
         NaN before the first sample.
 
     """
-    stretches = _lay(windows)
+    parts = _overlay(windows)
     reference = np.full((len(stamps), DERIVATIVES, axes), np.nan)
-    if not stretches:
+    if not parts:
         return reference.reshape(len(stamps), -1)
-    times = np.concatenate([each.stamps for each in stretches])
-    samples = np.concatenate([each.samples for each in stretches])
-    periods = np.concatenate([np.full(len(each.stamps), each.period) for each in stretches])
+    times = np.concatenate([part.stamps for part in parts])
+    samples = np.concatenate([part.samples for part in parts])
+    periods = np.concatenate([np.full(len(part.stamps), part.period) for part in parts])
 
     before = np.searchsorted(times, stamps + _TOLERANCE, side='right') - 1
     known = before >= 0
@@ -167,10 +171,10 @@ def sample_reference(
 
 def _between(first: Array, second: Array, period: Array, part: Array) -> Array:
     """Interpolate between samples (n, 3, axes), `period` (n) s apart, at `part` (n) of the way."""
-    # The controller's own formula, on arrays. Imported when needed: logs of lock-step runs
-    # are on the grid, and its compiler takes longer to import than such a log to read.
+    # The controller's compiled function, on arrays. Imported here: logs of lock-step runs are on
+    # the grid, and importing the compiler takes longer than reading such a log.
     from masmc_ros.numerics.hermite import quintic
 
-    # It scales its arguments in place: copies keep the samples as they are.
-    samples = [np.moveaxis(each, 1, 0).copy() for each in (first, second)]
+    # It scales its arguments in place.
+    samples = [np.moveaxis(sample, 1, 0).copy() for sample in (first, second)]
     return np.stack(quintic.py_func(*samples, period[:, None], part[:, None]), axis=1)

@@ -1,4 +1,4 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Completing files that were cut off or damaged."""
+"""Completion of logs that were truncated or damaged."""

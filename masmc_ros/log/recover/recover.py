@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import nullcontext, suppress
+from contextlib import suppress
 import fcntl
 import mmap
 import os
@@ -16,20 +16,13 @@ from typing import IO, NamedTuple
 import zlib
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.mcap.records import (
-    check_magic,
-    Data,
-    LargeChunkError,
-    MAGIC,
-    parsed,
-    RECORD_HEAD,
-)
+from masmc_ros.log.mcap import codec
 from masmc_ros.log.recover.salvage import Salvage
 from masmc_ros.whole_file import WholeFile
 from mcap.reader import make_reader, NonSeekingReader
 from mcap.records import Footer, Statistics
 
-_FOOTER_SIZE = RECORD_HEAD.size + 20
+_FOOTER_SIZE = codec.RECORD_HEAD.size + 20
 """Bytes of the record at the end of a file; the checksum of the summary is its last four."""
 
 
@@ -41,7 +34,7 @@ class Recovered(NamedTuple):
     ----------
     messages
         number of messages.
-    begin
+    start
         log time of the first message in ns.
     end
         log time of the last message in ns.
@@ -53,34 +46,31 @@ class Recovered(NamedTuple):
     """
 
     messages: int
-    begin: int
+    start: int
     end: int
     dropped: int
     damaged: tuple[tuple[int, int], ...] = ()
 
 
 def is_complete(path: Path) -> bool:
-    """Tell whether a log has its end; OSError where it cannot be read."""
+    """Return True if a log has its end; OSError if it cannot be read."""
     with path.open('rb') as stream:
-        size = stream.seek(0, os.SEEK_END)
-        if size < 2 * len(MAGIC):
-            return False
-        stream.seek(-len(MAGIC), os.SEEK_END)
-        return stream.read() == MAGIC
+        stream.seek(max(len(codec.MAGIC), stream.seek(0, os.SEEK_END) - len(codec.MAGIC)))
+        return stream.read() == codec.MAGIC
 
 
 def is_ours(path: Path) -> bool:
-    """Tell whether this package began to record the file; OSError where it cannot be read."""
+    """Return True if this package wrote the start of the file; OSError if it cannot be read."""
     with path.open('rb') as stream:
         return b'masmc_ros' in stream.read(256)
 
 
 def recover_all(folder: Path) -> Iterator[tuple[Path, Recovered]]:
     """
-    Complete the logs in a folder, and in recordings in it, that this package left.
+    Complete the truncated logs of this package in a folder, and in recordings in it.
 
-    Logs that are being recorded, complete or of others are left as they are, and those that
-    cannot be written. Yields each that was completed.
+    Logs that are being recorded, that are complete, that another program wrote or that cannot
+    be written are unchanged. Yields each completed log.
     """
     for path in sorted((*folder.glob('*.mcap'), *folder.glob('*/*.mcap'))):
         try:
@@ -122,13 +112,12 @@ def recover(path: Path) -> Recovered | None:
         raise InputError(f'{path}: {fault}; name a .mcap file that a recorder left')
     try:
         with path.open('r+b') as stream:
-            try:
-                fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                raise InputError(
-                    f'{path}: is being recorded; recover it when its recorder has ended'
-                ) from None
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
             return _recover(path, stream)
+    except BlockingIOError as error:
+        raise InputError(
+            f'{path}: is being recorded; recover it when its recorder has ended'
+        ) from error
     except OSError as error:
         raise InputError(f'{path}: cannot be recovered: {error.strerror or error}') from error
 
@@ -136,18 +125,16 @@ def recover(path: Path) -> Recovered | None:
 def _recover(path: Path, stream: IO[bytes]) -> Recovered | None:
     size = stream.seek(0, os.SEEK_END)
     stream.seek(0)
-    check_magic(path, stream.read(len(MAGIC)))
+    codec.check_magic(path, stream.read(len(codec.MAGIC)))
     # An empty file cannot be mapped.
-    with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) if size else nullcontext(
-        b''
-    ) as data:
-        try:
-            salvage = Salvage(data)
-        except LargeChunkError as error:
-            raise InputError(f'{path}: is left as it is: {error}') from None
-        if salvage.is_unchanged() if is_ours(path) else _is_readable(stream, data, salvage):
-            return None
-        statistics = _replace(path, salvage, os.fstat(stream.fileno()))
+    data = mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) if size else b''
+    try:
+        salvage = Salvage(data)
+    except codec.LargeChunkError as error:
+        raise InputError(f'{path}: is left as it is: {error}') from None
+    if salvage.is_unchanged() if is_ours(path) else _is_readable(stream, data, salvage):
+        return None
+    statistics = _replace(path, salvage, os.fstat(stream.fileno()))
     return Recovered(
         statistics.message_count,
         statistics.message_start_time,
@@ -157,7 +144,7 @@ def _recover(path: Path, stream: IO[bytes]) -> Recovered | None:
     )
 
 
-def _is_readable(stream: IO[bytes], data: Data, salvage: Salvage) -> bool:
+def _is_readable(stream: IO[bytes], data: codec.Data, salvage: Salvage) -> bool:
     """Return True if mcap reads the whole file, and its checksums and count are right."""
     if salvage.has_damage:
         return False
@@ -167,13 +154,13 @@ def _is_readable(stream: IO[bytes], data: Data, salvage: Salvage) -> bool:
         stream.seek(0)
         reader = NonSeekingReader(stream, validate_crcs=True)
         count = sum(1 for _ in reader.iter_messages(log_time_order=False))
-        footer = parsed(data[-_FOOTER_SIZE - len(MAGIC):-len(MAGIC)])
+        footer = codec.parsed(data[-_FOOTER_SIZE - len(codec.MAGIC):-len(codec.MAGIC)])
     except Exception:  # mcap raises many kinds for damaged bytes
         return False
     assert isinstance(footer, Footer)
-    start = footer.summary_start or len(data) - _FOOTER_SIZE - len(MAGIC)
+    start = footer.summary_start or len(data) - _FOOTER_SIZE - len(codec.MAGIC)
     statistics = None if summary is None else summary.statistics
-    return footer.summary_crc in (0, zlib.crc32(data[start:-len(MAGIC) - 4])) and (
+    return footer.summary_crc in (0, zlib.crc32(data[start:-len(codec.MAGIC) - 4])) and (
         statistics is None or statistics.message_count == count
     )
 
@@ -183,7 +170,7 @@ def _replace(path: Path, salvage: Salvage, status: os.stat_result) -> Statistics
     # The file that a symbolic link names is replaced, not the link.
     file = WholeFile(path.resolve())
     try:
-        statistics = salvage.write(file.stream)
+        statistics = salvage.write(file.stream.write)
         file.stream.flush()
         descriptor = file.stream.fileno()
         with suppress(OSError):

@@ -5,50 +5,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 import re
 import struct
 from typing import NamedTuple
 
-from masmc_ros.log.mcap.chunks import (
-    INDEX_HEAD,
-    index_messages,
-    indexed_chunk,
-    IndexedChunk,
-    Indexes,
-    span,
-)
-from masmc_ros.log.mcap.record_stream import RecordStream, Stream
-from masmc_ros.log.mcap.records import (
-    all_records,
-    Data,
-    decompressed,
-    LargeChunkError,
-    MAGIC,
-    MESSAGE_HEAD,
-    packed,
-    parsed,
-    RECORD_HEAD,
-    records,
-)
+from masmc_ros.log.mcap import codec
+from masmc_ros.log.mcap.chunks import INDEX_HEAD, index_messages, Indexes, packed_chunk, span
+from masmc_ros.log.mcap.record_stream import RecordStream
+from mcap import records as mcap
 from mcap.opcode import Opcode
-from mcap.records import (
-    Attachment,
-    Channel,
-    Chunk,
-    DataEnd,
-    Header,
-    McapRecord,
-    Message,
-    Metadata,
-    Schema,
-    Statistics,
-)
 
 _HEADS = re.compile(rb'(?s)(?=[\x06\x09\x0c].{5}\0\0\0|\x0f\x04\0{7})')
 """Possible starts of a chunk, attachment or metadata below 2**40 bytes, or of the data end."""
-
 
 _PRIVATE = 0x80
 """First opcode of private records, which readers skip."""
@@ -56,7 +26,7 @@ _PRIVATE = 0x80
 _TIMES = struct.Struct('<QQ')
 """First and last log time in ns at the start of a chunk."""
 
-_Definitions = dict[tuple[type, int], Schema | Channel]
+_Definitions = dict[tuple[type, int], mcap.Schema | mcap.Channel]
 """Schemas and channels by kind and number."""
 
 
@@ -75,13 +45,13 @@ class _SoundRecord(NamedTuple):
     content
         unpacked records of a chunk.
     indexes
-        indexes of the messages of a chunk.
+        indexes of the messages of a chunk; None for other records.
 
     """
 
     end: int
-    record: McapRecord | None = None
-    definitions: Sequence[Schema | Channel] = ()
+    record: mcap.McapRecord | None = None
+    definitions: Sequence[mcap.Schema | mcap.Channel] = ()
     content: bytes = b''
     indexes: Indexes | None = None
 
@@ -99,11 +69,11 @@ class Salvage:
     has_damage
         whether a part of the file is not a sound record.
     header
-        of the file; None if it cannot be read.
+        header of the file; None if it cannot be read.
 
     """
 
-    def __init__(self, data: Data) -> None:
+    def __init__(self, data: codec.Data) -> None:
         """
         Read a file.
 
@@ -114,178 +84,148 @@ class Salvage:
 
         Raises
         ------
-        LargeChunkError
+        codec.LargeChunkError
             if a chunk without damage is too large to be unpacked.
 
         """
         self.dropped = 0
         self.damaged: list[tuple[int, int]] = []
         self.has_damage = False
-        self.header: Header | None = None
+        self.header: mcap.Header | None = None
         self._data = data
         self._copied: list[int] = []
         in_chunks: _Definitions = {}
         outside: _Definitions = {}
         in_summary: _Definitions = {}
-        is_over = False
-        for start, end, sound in _parts(data):
+        others = outside
+        position = len(codec.MAGIC)
+        size = len(data) - (len(codec.MAGIC) if data[-len(codec.MAGIC):] == codec.MAGIC else 0)
+        while position < size:
+            start, sound = position, _record_at(data, position)
+            position = sound.end if sound else _next_record(data, start + 1)
             if sound is None or data[start] >= _PRIVATE:
-                self.dropped += end - start
+                self.dropped += position - start
             if sound is None:
                 self._note_damage(start)
                 continue
             record = sound.record
-            if isinstance(record, Header):
+            if isinstance(record, mcap.Header):
                 self.header = record
-            elif isinstance(record, DataEnd):
-                is_over = True
-            elif isinstance(record, (Chunk, Message, Attachment, Metadata)):
+            elif isinstance(record, mcap.DataEnd):
+                others = in_summary
+            elif isinstance(record, (mcap.Chunk, mcap.Message, mcap.Attachment, mcap.Metadata)):
                 self._copied.append(start)
-            known = in_chunks if isinstance(record, Chunk) else in_summary if is_over else outside
-            known.update({(type(each), each.id): each for each in sound.definitions})
-        # Those in a chunk have a checksum; those of the summary stand in for lost ones.
+            known = in_chunks if isinstance(record, mcap.Chunk) else others
+            known.update({(type(entry), entry.id): entry for entry in sound.definitions})
+        # Those in a chunk have a checksum; those of the summary replace lost ones.
         self._definitions = in_summary | outside | in_chunks
         self._starts_with_definitions = bool(self.dropped or outside)
 
     def _note_damage(self, start: int) -> None:
         """Note a damaged part, and the times of a damaged chunk."""
         self.has_damage = True
-        opcode, _, end = next(records(self._data, start), (0, 0, 0))
-        if opcode == Opcode.CHUNK and end - start >= RECORD_HEAD.size + _TIMES.size:
-            first, last = _TIMES.unpack_from(self._data, start + RECORD_HEAD.size)
+        opcode, _, end = next(codec.records(self._data, start), (0, 0, 0))
+        if opcode == Opcode.CHUNK and end - start >= codec.RECORD_HEAD.size + _TIMES.size:
+            first, last = _TIMES.unpack_from(self._data, start + codec.RECORD_HEAD.size)
             if first <= last:
                 self.damaged.append((first, last))
 
     def is_unchanged(self) -> bool:
         """Return True if `write` writes the bytes of the file."""
-        if self.has_damage or self._data[-len(MAGIC):] != MAGIC:
-            return False
-        comparison = _Comparison(self._data)
-        self.write(comparison)
-        return comparison.is_equal and comparison.size == len(self._data)
+        is_equal = not self.has_damage and self._data[-len(codec.MAGIC):] == codec.MAGIC
+        position = 0
 
-    def write(self, stream: Stream) -> Statistics:
-        """Write the readable records into a new file; return its statistics."""
-        output, definitions = RecordStream(stream), self._definitions.values()
-        for definition in definitions:
+        def compare(written: bytes) -> None:
+            nonlocal position, is_equal
+            start, position = position, position + len(written)
+            is_equal = is_equal and self._data[start:position] == written
+
+        if is_equal:
+            self.write(compare)
+        return is_equal and position == len(self._data)
+
+    def write(self, write: Callable[[bytes], object]) -> mcap.Statistics:
+        """Write the readable records of a new file; return its statistics."""
+        output = RecordStream(write)
+        for definition in self._definitions.values():
             output.register(definition)
-        summary = output.summary
+        schemas, channels = output.summary.schemas, output.summary.channels
         known = {
             number
-            for number, channel in summary.channels.items()
-            if not channel.schema_id or channel.schema_id in summary.schemas
+            for number, channel in channels.items()
+            if not channel.schema_id or channel.schema_id in schemas
         }
         output.start(self.header)
         if self._starts_with_definitions:
-            for outer in (*summary.schemas.values(), *summary.channels.values()):
-                output.write(packed(outer))
+            output.write(b''.join(map(codec.packed, (*schemas.values(), *channels.values()))))
         for start in self._copied:
             sound = _record_at(self._data, start)
             assert sound is not None
             record = sound.record
-            if isinstance(record, Chunk):
-                _add_chunk(output, sound, known)
-            elif isinstance(record, Message) and record.channel_id in known:
+            if isinstance(record, mcap.Chunk):
+                _add_chunk(output, record, sound, known)
+            elif isinstance(record, mcap.Message) and record.channel_id in known:
                 output.count(record.channel_id, 1, record.log_time, record.log_time)
-                output.write(packed(record))
-            elif isinstance(record, Attachment):
+                output.write(codec.packed(record))
+            elif isinstance(record, mcap.Attachment):
                 output.add_attachment(record)
-            elif isinstance(record, Metadata):
+            elif isinstance(record, mcap.Metadata):
                 output.add_metadata(record)
         output.finish()
         return output.statistics
 
 
-def _parts(data: Data) -> Iterator[tuple[int, int, _SoundRecord | None]]:
-    """Yield start, end and record of each part of a file; None stands for a damaged part."""
-    position = len(MAGIC)
-    size = len(data) - (len(MAGIC) if data[-len(MAGIC):] == MAGIC else 0)
-    while position < size:
-        sound = _record_at(data, position)
-        end = sound.end if sound else _next_record(data, position + 1)
-        yield position, end, sound
-        position = end
-
-
-def _record_at(data: Data, start: int) -> _SoundRecord | None:
+def _record_at(data: codec.Data, start: int) -> _SoundRecord | None:
     """Return the record at a place of a file; None if it is not sound."""
-    opcode, _, end = next(records(data, start), (0, 0, 0))
+    opcode, _, end = next(codec.records(data, start), (0, 0, 0))
     if opcode >= _PRIVATE:
         return _SoundRecord(end)
     raw = data[start:end]
-    if opcode == Opcode.MESSAGE_INDEX:
-        size = int.from_bytes(raw[INDEX_HEAD - 4:INDEX_HEAD], 'little')
-        return _SoundRecord(end) if len(raw) == INDEX_HEAD + size else None
     try:
-        record = parsed(raw)
-        copy = packed(record)
+        if opcode == Opcode.MESSAGE_INDEX:
+            size = INDEX_HEAD.unpack_from(raw)[-1]
+            return _SoundRecord(end) if len(raw) == INDEX_HEAD.size + size else None
+        record = codec.parsed(raw)
+        copy = codec.packed(record)
         if raw not in (copy, copy[:-4] + bytes(4)):  # an attachment may have no checksum
             return None
-        if isinstance(record, (Schema, Channel)):
+        if isinstance(record, (mcap.Schema, mcap.Channel)):
             return _SoundRecord(end, record, [record])
-        if not isinstance(record, Chunk):
+        if not isinstance(record, mcap.Chunk):
             return _SoundRecord(end, record)
-        content = decompressed(record)
-        indexes, raw_definitions = index_messages(content)
-        definitions = [
-            each for each in map(parsed, raw_definitions) if isinstance(each, (Schema, Channel))
-        ]
+        content = codec.decompressed(record)
+        indexes, definitions = index_messages(content)
         return _SoundRecord(end, record, definitions, content, indexes)
-    except LargeChunkError as error:
-        raise LargeChunkError(
+    except codec.LargeChunkError as error:
+        raise codec.LargeChunkError(
             f'the chunk at byte {start} is {error}: write the log again with smaller chunks'
         ) from None
     except Exception:  # mcap and the compressors raise many kinds for damaged bytes
         return None
 
 
-def _next_record(data: Data, position: int) -> int:
+def _next_record(data: codec.Data, position: int) -> int:
     """Return the next place with a sound record that carries data, or the end of the file."""
-    for match in _HEADS.finditer(data, position):
-        if _record_at(data, match.start()) is not None:
-            return match.start()
-    return len(data)
+    places = (match.start() for match in _HEADS.finditer(data, position))
+    return next((place for place in places if _record_at(data, place)), len(data))
 
 
-def _add_chunk(output: RecordStream, sound: _SoundRecord, channels: set[int]) -> None:
+def _add_chunk(
+    output: RecordStream, chunk: mcap.Chunk, sound: _SoundRecord, channels: set[int]
+) -> None:
     """Write a chunk without the messages of other channels, which cannot be read."""
-    chunk, content, indexes = sound.record, sound.content, sound.indexes or {}
-    assert isinstance(chunk, Chunk)
+    content, indexes = sound.content, sound.indexes or {}
     if indexes.keys() <= channels:
         first, last = span(indexes)
-        chunk = replace(chunk, message_start_time=first, message_end_time=last)
-        output.add_chunk(IndexedChunk(chunk, indexes))
+        output.add_chunk(
+            replace(chunk, message_start_time=first, message_end_time=last), indexes
+        )
         return
     content = b''.join(
         content[start:end]
-        for opcode, start, end in all_records(content)
+        for opcode, start, end in codec.all_records(content)
         if opcode != Opcode.MESSAGE
-        or MESSAGE_HEAD.unpack_from(content, start + RECORD_HEAD.size)[0] in channels
+        or codec.MESSAGE_HEAD.unpack_from(content, start)[2] in channels
     )
-    output.add_chunk(indexed_chunk(content, index_messages(content)[0]))
-
-
-class _Comparison:
-    """
-    A stream that compares what is written with a file.
-
-    Attributes
-    ----------
-    size
-        bytes that were written.
-    is_equal
-        whether the file starts with these bytes.
-
-    """
-
-    def __init__(self, data: Data) -> None:
-        """Initialise the comparison with the content of a file."""
-        self._data = data
-        self.size = 0
-        self.is_equal = True
-
-    def write(self, data: bytes) -> None:
-        """Compare bytes with those of the file at the same place."""
-        end = self.size + len(data)
-        self.is_equal = self.is_equal and self._data[self.size:end] == data
-        self.size = end
+    indexes, _ = index_messages(content)
+    output.add_chunk(packed_chunk(content, indexes), indexes)

@@ -1,11 +1,12 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a log says of its origin: versions, files, and the parameters in force."""
+"""Origin of a run in its log: versions, files and parameters."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from functools import cache
 from importlib.metadata import version
 import json
@@ -24,14 +25,13 @@ PARAMETERS = 'parameters'
 """Metadata record: the parameters at the start, a JSON object by node name."""
 
 CHANGES = 'parameter_changes'
-"""Metadata record: later changes and events in order, JSON objects with node, tick,
-parameters and event."""
+"""Metadata record: later changes and events in order, as JSON objects."""
 
 _PACKAGE = Path(__file__).resolve().parents[2]
 
 
 def write_origin(writer: LogWriter, files: Mapping[str, bytes]) -> None:
-    """Write versions, and files by name such as the parameter file."""
+    """Write versions, and files by name, such as the parameter file."""
     writer.metadata(
         'versions',
         {
@@ -44,7 +44,8 @@ def write_origin(writer: LogWriter, files: Mapping[str, bytes]) -> None:
         },
     )
     for name, content in files.items():
-        writer.attach(Path(name).name, _media_type(name), content)
+        kind = 'xml' if name.endswith('.urdf') else 'yaml'
+        writer.attach(Path(name).name, f'application/{kind}', content)
 
 
 def write_parameters(
@@ -52,16 +53,26 @@ def write_parameters(
     parameters: Mapping[str, Mapping[str, Any]],
     changes: Iterable[ParameterRecord] = (),
 ) -> None:
-    """Write the parameters at the start by node name, and what changed later."""
-    writer.metadata(PARAMETERS, {node: json.dumps(dict(v)) for node, v in parameters.items()})
+    """
+    Write the parameters of a run.
+
+    Parameters
+    ----------
+    writer
+        the log.
+    parameters
+        values at the start by node.
+    changes
+        later changes and events in their order.
+
+    """
+    starts = {node: json.dumps(dict(values)) for node, values in parameters.items()}
+    writer.metadata(PARAMETERS, starts)
     texts = {
         f'{number:06d}': json.dumps(
             {
-                'node': change.node,
-                'tick': change.tick,
-                'stamp': change.stamp,
-                'parameters': change.changes,
-                'event': change.event,
+                'node': change.node, 'tick': change.tick, 'stamp': change.stamp,
+                'parameters': change.changes, 'event': change.event,
             }
         )
         for number, change in enumerate(changes)
@@ -72,18 +83,13 @@ def write_parameters(
 
 @cache
 def git_state() -> str:
-    """Return the commit that the package is of, `-dirty` with changes; empty if unknown."""
+    """Return the commit of the package, `-dirty` with changes; empty if unknown."""
     if not (_PACKAGE.parent / '.git').exists():
         return ''
-    try:
+    with suppress(OSError, subprocess.SubprocessError):
         command = ('git', 'describe', '--always', '--dirty', '--abbrev=12', '--exclude=*')
         done = subprocess.run(
             command, cwd=_PACKAGE, capture_output=True, text=True, timeout=5.0, check=True
         )
-    except (OSError, subprocess.SubprocessError):
-        return ''
-    return done.stdout.strip()
-
-
-def _media_type(name: str) -> str:
-    return 'application/xml' if name.endswith('.urdf') else 'application/yaml'
+        return done.stdout.strip()
+    return ''

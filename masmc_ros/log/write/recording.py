@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A live recording: messages are queued here, and a thread of its own writes them."""
+"""Recording of a running robot: a queue of messages, and the thread that writes them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 import errno
 from functools import partial
-import os
 from pathlib import Path
 import threading
 import time
@@ -27,46 +26,46 @@ import numpy as np
 from numpy.typing import NDArray
 
 _TURN = 0.02
-"""Time in s between two looks into the queue."""
+"""Time in s between two checks of the queue."""
 
 _SYNC = 1.0
-"""Time in s between two times at which the file is made safe from a power cut."""
+"""Time in s between two flushes of the file to the disk (fsync)."""
 
 _BATCH = 2**20
-"""Bytes of complete chunks that are handed to the disk without waiting for a flush."""
+"""Size in bytes of complete chunks that are passed to the disk before the next flush is due."""
 
 _OVERHEAD = 64
-"""Bytes that a queued message takes beside its data."""
+"""Memory of a queued message in bytes, in addition to its data."""
 
 _LAST_TRIES = 3.0
-"""Time in s for which a disk that takes nothing is asked again at the end."""
+"""Time in s for which a full disk is tried again at the end."""
 
 _REASONS = {errno.ENOSPC: 'the disk is full', errno.EDQUOT: "the user's quota is used up"}
 
 LOST = 'lost_messages'
-"""Metadata record: how many messages of each topic found no place in the queue."""
+"""Metadata record: number of messages of each topic for which the queue had no space."""
 
 NOT_UNDERSTOOD = 'messages_not_understood'
-"""Metadata record: how many messages of each topic are recorded as they came, unread."""
+"""Metadata record: number of messages of each topic that the recorder could not decode."""
 
 
 @dataclass(frozen=True)
 class Options:
     """
-    How a recording is written.
+    Options of a recording.
 
     Attributes
     ----------
     compression
-        of chunks, `zstd`, `lz4` or `none`.
+        compression of chunks: `zstd`, `lz4` or `none`.
     flush_period
-        time in s after which what came is on the disk.
+        time in s after which a message is on the disk.
     max_size
-        bytes after which a new part begins; 0 is one file.
+        size in bytes after which a new part starts; 0: one file.
     max_duration
-        time in ns of the messages after which a new part begins; 0 is one file.
+        duration of the messages in ns after which a new part starts; 0: one file.
     queue_size
-        bytes of messages that wait for the disk at most.
+        maximum size in bytes of the messages that wait for the disk.
 
     """
 
@@ -84,15 +83,28 @@ class Options:
 
 class Recording:
     """
-    Messages on their way into one file, or into the parts of a folder.
+    Messages that are written into one file, or into the parts of a folder.
 
-    What does not fit into the queue is counted and left out: a slow or full disk never holds
-    up who records. A full disk is asked again and again, and the recording goes on where it
-    was as soon as there is space.
+    Messages that do not fit into the queue are counted and lost: a slow or full disk never
+    delays the caller. A full disk is tried again until it has space.
 
-    One part is `NAME.mcap`; several are `NAME/NAME_0.mcap`, `NAME/NAME_1.mcap`, ... beside the
-    `metadata.yaml` by which ROS 2 knows them for one recording. Every part can be read alone:
-    it begins with the last message of each topic that `holds`.
+    One part is `NAME.mcap`; several are `NAME/NAME_0.mcap`, `NAME/NAME_1.mcap`, ... with the
+    `metadata.yaml` that makes them one recording for ROS 2. Every part can be read alone: it
+    starts with the last message of each topic that `holds`.
+
+    Attributes
+    ----------
+    path
+        file, or folder of the parts.
+    lost
+        number of lost messages of each topic.
+    not_understood
+        number of messages of each topic that the caller could not decode.
+    trouble
+        error of the disk; None while it takes everything.
+    failure
+        exception that ended the writing thread; None if there was none.
+
     """
 
     def __init__(
@@ -103,24 +115,24 @@ class Recording:
         closing: Callable[[LogWriter], None] = lambda _: None,
     ) -> None:
         """
-        Open the first file.
+        Open the first file and start the thread.
 
         Parameters
         ----------
         path
             the file, `NAME.mcap`.
         options
-            how to write.
+            options of the recording.
         opening
-            writes into each part what is known at its start.
+            function that writes the data known at the start into each part.
         closing
-            writes into each part what is known at its end; called from the thread
-            that writes.
+            function that writes the data known at the end into each part; called from the
+            writing thread.
 
         Raises
         ------
         InputError
-            where there can be no such file.
+            if the file cannot be written.
 
         """
         self.path = path
@@ -130,99 +142,87 @@ class Recording:
             self.path = path.with_suffix('')
             _make(self.path)
         self._topics: list[RecordedTopic] = []
+        # Last message of each channel that holds.
         self._held: dict[int, bytes] = {}
-        """Last message of each channel that holds."""
         self._parts: list[Part] = []
+        # First log time in ns of the current part of a recording in parts.
         self._first: int | None = None
-        """First log time of the current part in ns, for a recording in parts."""
         self._counts: Counter[int] = Counter()
-        self._holding: set[int] = set()
         self._queue: deque[Any] = deque()
         self._queued = self._taken = self._last_channel = 0
         self._stop = threading.Event()
-        self.lost: dict[str, int] = {}
+        self.lost: Counter[str] = Counter()
         self.not_understood: Mapping[str, int] = {}
-        """How many messages of each topic whoever records could not read."""
         self.trouble: str | None = None
-        """What the disk says, None while it takes everything."""
         self.failure: BaseException | None = None
-        """What ended the writing thread, None for nothing."""
         self._log = self._open()
         self._thread = threading.Thread(target=self._run, name='recording')
         self._thread.start()
-        # A disk may take its time for this: a thread of its own, so that flushes go on.
-        self._syncing = threading.Thread(target=self._sync, name='recording sync', daemon=True)
-        self._syncing.start()
+        # A separate thread, because a disk may need seconds for it: flushes continue meanwhile.
+        threading.Thread(target=self._sync, name='recording sync', daemon=True).start()
 
     def channel(
-        self,
-        topic: str,
-        type_name: str,
-        *qos: Qos,
-        defined: Definition | None = None,
+        self, topic: str, type_name: str, *qos: Qos, defined: Definition | None = None,
         holds: bool = False,
     ) -> int:
         """
-        Add a topic, as `LogWriter.channel`; return the number by which `write` knows it.
+        Add a topic, as `LogWriter.channel`; return the number of its channel for `write`.
 
-        `holds` tells that a message is valid until the next one, however long that takes.
+        `holds` states that a message is valid until the next one, without a time limit.
         """
-        self._topics.append(RecordedTopic(topic, type_name, qos, defined))
+        self._topics.append(RecordedTopic(topic, type_name, qos, defined, holds))
         number = len(self._topics)
-        if holds:
-            self._holding.add(number)
         self._queue.append(partial(self._add_channel, number))
         return number
 
     def write(self, channel: int, time_ns: int, data: bytes) -> bool:
-        """Queue a message; False where it found no place and is lost."""
+        """Queue a message; return False if the queue has no space and the message is lost."""
         return self.write_all([(channel, time_ns, data)]) > 0
 
     def write_all(self, messages: list[Message]) -> int:
         """
-        Queue messages, and return how many found a place; the others are lost.
+        Queue messages, and return how many fitted; the others are lost.
 
-        The list belongs to the recording from here on.
+        The caller does not change the list afterwards.
         """
         size = sum(len(data) for _, _, data in messages) + _OVERHEAD * len(messages)
-        room = self._options.queue_size - self.backlog
-        if size > room:
-            size, messages = self._fitting(messages, room)
+        space = self._options.queue_size - self.backlog
+        if size > space:
+            size, messages = self._fitting(messages, space)
         self._queued += size
         self._queue.append((size, messages))
         return len(messages)
 
-    def _fitting(self, messages: list[Message], room: int) -> tuple[int, list[Message]]:
-        """Return messages that fit into so many bytes, their size first; count the others."""
+    def _fitting(self, messages: list[Message], space: int) -> tuple[int, list[Message]]:
+        """Return the messages that fit into `space` bytes, their size first; count the others."""
         fitting, taken = [], 0
         for message in messages:
             size = len(message[2]) + _OVERHEAD
-            if taken + size <= room:
+            if taken + size <= space:
                 fitting.append(message)
                 taken += size
             else:
-                topic = self._topics[message[0] - 1].name
-                self.lost[topic] = self.lost.get(topic, 0) + 1
+                self.lost[self._topics[message[0] - 1].name] += 1
         return taken, fitting
 
     @property
     def backlog(self) -> int:
-        """Bytes that wait, in the queue or for the disk."""
+        """Bytes that wait in the queue or for the disk."""
         return self._queued - self._taken + self._log.pending
 
     @property
     def is_congested(self) -> bool:
-        """Whether so much waits that whoever can should send less."""
+        """Whether senders should send less because half of the queue is used."""
         return self.backlog > self._options.queue_size // 2
 
     def close(self) -> None:
         """
-        Write what is queued, complete the file.
+        Write all queued messages and complete the file.
 
         Raises
         ------
         InputError
-            where the disk does not take it; what it has taken can be recovered.
+            if the disk does not take it; its present content can be recovered.
 
         """
         self._stop.set()
@@ -230,7 +230,7 @@ class Recording:
         if self.failure is not None:
             raise self.failure
 
-    # In the thread that writes.
+    # In the writing thread.
 
     def _run(self) -> None:
         due = time.monotonic() + self._options.flush_period
@@ -243,21 +243,21 @@ class Recording:
                     due = now + self._options.flush_period
             self._drain()
             self._end_part(self._parts[-1])
-        except BaseException as error:  # told by close()
+        except BaseException as error:  # close() raises it
             self.failure = error
-            self._log.discard()
+            self._log.close_file()
 
     def _sync(self) -> None:
-        """Bring what is in the file behind what a power cut can harm, now and then."""
+        """Flush the file to the disk periodically (fsync), in a separate thread."""
         while not self._stop.wait(_SYNC):
             with suppress(OSError):
                 self._log.sync()
 
     def _drain(self) -> None:
-        queue = self._queue
-        while queue:
-            item = queue.popleft()
-            if not isinstance(item, tuple):
+        """Write all queued messages and channels."""
+        while self._queue:
+            item = self._queue.popleft()
+            if callable(item):
                 item()
                 continue
             size, messages = item
@@ -268,39 +268,39 @@ class Recording:
     def _write(self, messages: list[Message]) -> None:
         records, first = arrived_records(messages), 0
         while first < len(messages):
-            count = self._room(records.times[first:])
+            count = self._space(records.times[first:])
             if not count:
                 self._next_part(messages[first][1])
-                count = max(1, self._room(records.times[first:]))
-            begin, first = first, self._log.write_records(records, first, first + count)
-            self._note(messages[begin:first])
+                count = max(1, self._space(records.times[first:]))
+            start, first = first, self._log.write_records(records, first, first + count)
+            if self._options.is_split:
+                self._note(messages[start:first])
             if self._log.pending > _BATCH and self.trouble is None:
                 self._commit(whole=False)
 
-    def _room(self, times: NDArray[np.int64]) -> int:
-        """Return how many of the next messages, at times in ns, the part has room for."""
-        size, duration = self._options.max_size, self._options.max_duration
-        begin = self._first
+    def _space(self, times: NDArray[np.int64]) -> int:
+        """Return how many of the next messages, at times in ns, belong to the current part."""
+        size, duration, first = self._options.max_size, self._options.max_duration, self._first
         if self.trouble is not None:
             return len(times)
         if size and self._log.size >= size:
-            return int(begin is None)
+            return int(first is None)
         if not duration:
             return len(times)
-        begins = np.minimum.accumulate(times if begin is None else np.append(begin, times)[:-1])
-        late = times - begins >= duration
-        return int(np.argmax(late)) if late.any() else len(times)
+        firsts = np.minimum.accumulate(times if first is None else np.append(first, times)[:-1])
+        is_late = times - firsts >= duration
+        return int(np.argmax(is_late)) if is_late.any() else len(times)
 
     def _note(self, messages: list[Message]) -> None:
-        """Note what the limits of a part and the start of the next one need."""
-        if self._options.is_split:
-            times = [time for _, time, _ in messages]
-            self._first = min(times if self._first is None else (self._first, *times))
-            self._held.update({each: data for each, _, data in messages if each in self._holding})
+        """Note data for the limits of a part and for the start of the next one."""
+        first = min(time for _, time, _ in messages)
+        self._first = first if self._first is None else min(first, self._first)
+        self._held.update({n: data for n, _, data in messages if self._topics[n - 1].holds})
 
-    def _commit(self, *, whole: bool = True) -> bool:
+    def _commit(self, *, whole: bool = True, durable: bool = False) -> bool:
+        """Commit the log; note whether the disk takes it, and return True if it does."""
         try:
-            self._log.commit(whole=whole)
+            self._log.commit(whole=whole, durable=durable)
         except OSError as error:
             self.trouble = _REASONS.get(error.errno or 0, error.strerror or str(error))
             return False
@@ -308,11 +308,10 @@ class Recording:
         return True
 
     def _open(self) -> LogWriter:
-        """Open the next part, with everything in it that the earlier ones had."""
-        number = len(self._parts)
+        """Open the next part."""
         path = self.path
         if self._options.is_split:
-            path = self.path / f'{self.path.name}_{number}.mcap'
+            path = self.path / f'{self.path.name}_{len(self._parts)}.mcap'
         log = LogWriter(path, self._options.compression, live=True)
         self._parts.append(Part(path.name))
         self._first = None
@@ -320,48 +319,45 @@ class Recording:
         return log
 
     def _next_part(self, time_ns: int) -> None:
-        """Complete the part and begin the next; go on with the old one where that fails."""
+        """Complete the part and start the next; keep the old one if that fails."""
         try:
-            new = self._open()
+            log = self._open()
         except InputError as error:
             self.trouble = str(error)
             return
         self._end_part(self._parts[-2])
-        self._log = new
+        self._log = log
         for number in range(1, self._last_channel + 1):
             self._add_channel(number)
         for channel, data in self._held.items():
-            new.write(channel, time_ns, data)
+            log.write(channel, time_ns, data)
             self._first = time_ns
 
     def _add_channel(self, number: int) -> None:
-        # A log numbers its channels as they are numbered here: in order, from 1 on.
-        topic, type_name, qos, defined = self._topics[number - 1]
-        self._last_channel = self._log.channel(topic, type_name, *qos, defined=defined)
+        # A log numbers its channels as the recording does: in order, from 1.
+        topic = self._topics[number - 1]
+        self._last_channel = self._log.channel(
+            topic.name, topic.type_name, *topic.qos, defined=topic.defined
+        )
 
     def _end_part(self, part: Part) -> None:
+        """Complete the current file, and describe it in the metadata of the folder."""
         log = self._log
-        if self.lost:
-            log.metadata(LOST, {topic: str(count) for topic, count in self.lost.items()})
-        unclear = dict(self.not_understood)
-        if unclear:
-            log.metadata(NOT_UNDERSTOOD, {topic: str(count) for topic, count in unclear.items()})
+        for name, counts in ((LOST, self.lost), (NOT_UNDERSTOOD, self.not_understood)):
+            # The caller's thread may add topics meanwhile.
+            texts = {topic: str(count) for topic, count in dict(counts).items()}
+            if texts:
+                log.metadata(name, texts)
         self._closing(log)
         log.finish()
         limit = time.monotonic() + _LAST_TRIES
-        while True:
-            try:
-                log.commit(whole=False, durable=True)
-                break
-            except OSError as error:
-                reason = _REASONS.get(error.errno or 0, error.strerror or str(error))
-                if time.monotonic() > limit:
-                    log.discard()
-                    raise InputError(
-                        f'{log.path}: {reason}; what it took is there, and'
-                        f' `masmc recover {log.path}` makes a complete log of it'
-                    ) from error
-                time.sleep(_TURN)
+        while not self._commit(whole=False, durable=True):
+            if time.monotonic() > limit:
+                raise InputError(
+                    f'{log.path}: {self.trouble}; what it took is there, and'
+                    f' `masmc recover {log.path}` makes a complete log of it'
+                )
+            time.sleep(_TURN)
         log.close_file()
         if self._options.is_split:
             statistics = log.statistics
@@ -380,7 +376,7 @@ def clear_recording(folder: Path) -> None:
     Raises
     ------
     InputError
-        where something else is there, or where it cannot be removed.
+        if the folder contains another file, or if a file cannot be removed.
 
     """
     try:
@@ -404,5 +400,3 @@ def _make(folder: Path) -> None:
         ) from error
     except OSError as error:
         raise InputError(f'{folder}: cannot be made: {error.strerror}') from error
-    if not os.access(folder, os.W_OK):
-        raise InputError(f'{folder}: cannot be written; name a folder of yours')

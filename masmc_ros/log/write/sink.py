@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The file of a live recording: it always ends where a record ends, even on a full disk."""
+"""File of a log that always ends with a complete record, even on a full disk."""
 
 from __future__ import annotations
 
@@ -13,15 +13,23 @@ from pathlib import Path
 
 class RecordSink:
     """
-    A stream that keeps what is written to it until `commit` has put it on the disk.
+    A file whose records stay in memory until `commit` has put them on the disk.
 
-    A disk takes a record as a whole or not at all: where it takes a part, the file is cut back
-    to where the last one ended, and the next commit tries again. While the sink is open its
-    file is locked, so that nobody takes a recording under way for one that was cut off.
+    If the disk takes a part of a record, the file is truncated to the end of the previous one,
+    and the next commit tries again. The file is locked while the sink is open, so a recording
+    in progress is not taken for a truncated log.
+
+    Attributes
+    ----------
+    pending
+        bytes that are not on the disk yet.
+    closed
+        whether the file is closed.
+
     """
 
     def __init__(self, path: Path) -> None:
-        """Create the file, or empty it; OSError where that is not possible."""
+        """Create or empty the file; OSError if that is not possible."""
         self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o666)
         try:
             fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -29,32 +37,26 @@ class RecordSink:
         except OSError:
             os.close(self._descriptor)
             raise
-        self._pending: deque[bytes] = deque()
-        self._pending_size = 0
-        self._committed = 0
+        self._records: deque[bytes] = deque()
+        self._committed = self.pending = 0
         self.closed = False
 
-    @property
-    def pending(self) -> int:
-        """Bytes that are not on the disk yet."""
-        return self._pending_size
-
-    def write(self, data: bytes) -> None:
-        """Keep whole records until the next commit."""
-        self._pending.append(data)
-        self._pending_size += len(data)
+    def write(self, records: bytes) -> None:
+        """Keep complete records until the next commit."""
+        self._records.append(records)
+        self.pending += len(records)
 
     def commit(self, *, durable: bool = False) -> None:
         """
-        Put everything into the file; when `durable`, wait until a power cut cannot harm it.
+        Put all records into the file; with `durable`, wait until a power failure cannot lose them.
 
-        Raises OSError where the disk does not take it. Nothing is lost then.
+        Raises OSError if the disk does not take them. Nothing is lost then.
         """
-        is_new = bool(self._pending)
+        is_new = bool(self._records)
         try:
-            while self._pending:
-                self._append(self._pending[0])
-                self._pending_size -= len(self._pending.popleft())
+            while self._records:
+                self._append(self._records[0])
+                self.pending -= len(self._records.popleft())
         except OSError:
             os.ftruncate(self._descriptor, self._committed)
             raise
@@ -62,11 +64,11 @@ class RecordSink:
             self.sync()
 
     def sync(self) -> None:
-        """Wait until a power cut can harm nothing of what was committed; OSError if it can."""
+        """Wait until a power failure cannot lose what was committed; OSError if it can."""
         os.fdatasync(self._descriptor)
 
     def _append(self, records: bytes) -> None:
-        """Put all of some records into the file; OSError where a part or nothing is taken."""
+        """Put records into the file; OSError if the disk takes a part of them or nothing."""
         done = 0
         with memoryview(records) as data:
             while done < len(data):

@@ -1,28 +1,19 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Writes runs as MCAP files that ROS 2's player and the usual viewers open."""
+"""Writer of MCAP files that ROS 2's player and the usual viewers open."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 import os
 from pathlib import Path
-from types import TracebackType
-from typing import BinaryIO
+from typing import Any
 
 from masmc_ros.errors import InputError, suggestion
-from masmc_ros.log.mcap.chunks import (
-    arrived_records,
-    ChannelRows,
-    COMPRESSIONS,
-    indexed_chunk,
-    merged_records,
-    MessageRecords,
-    OpenChunk,
-)
+from masmc_ros.log.mcap import chunks
+from masmc_ros.log.mcap.codec import packed
 from masmc_ros.log.mcap.record_stream import RecordStream
-from masmc_ros.log.mcap.records import packed
 from masmc_ros.log.qos import Qos
 from masmc_ros.log.write.sink import RecordSink
 from masmc_ros.messages.definitions import Definition, definition
@@ -31,64 +22,58 @@ from mcap.records import Attachment, Channel, Metadata, Schema, Statistics
 from mcap.well_known import MessageEncoding, SchemaEncoding
 
 CHUNK_SIZE = 256 * 1024
-"""Bytes of messages that are compressed together."""
+"""Size in bytes at which a chunk of a computed run ends."""
 
 LIVE_CHUNK_SIZE = 512 * 1024
-"""Of a live recording, whose chunks end with each flush anyway: fewer to keep an index of."""
+"""The same for a recording, whose chunks end with each flush: larger chunks need fewer indexes."""
 
 
 class LogWriter:
     """
-    A log that is being written; a context manager.
+    Writer of one log; a context manager.
 
-    A computed run is written beside its place, as `NAME.part`, and takes its name when it is
-    complete; where an exception ends it, nothing is left of it and an older file of that name
-    is untouched. A live recording has its own name from the start and always ends on a whole
-    record; an exception closes it properly: what was recorded can be read.
+    A computed run is written to `NAME.part` and gets its name when it is complete. After an
+    exception nothing is left of it, and an older file of that name is unchanged. A recording has
+    its name from the start and always ends with a complete record; after an exception it is
+    completed and can be read.
     """
 
     def __init__(self, path: str | Path, compression: str = 'zstd', *, live: bool = False) -> None:
         """
-        Start a log.
+        Initialise the log.
 
         Parameters
         ----------
         path
-            the file, in a folder that exists.
+            file in an existing folder.
         compression
             `zstd`, `lz4` or `none`.
         live
-            whether a running robot is recorded.
+            True for the recording of a running robot, False for a computed run.
 
         Raises
         ------
         InputError
-            where there can be no such file, before anything is written.
+            if the file cannot be written; nothing is written then.
 
         """
-        if compression not in COMPRESSIONS:
-            raise InputError(
-                f"compression '{compression}' is unknown: {suggestion(compression, COMPRESSIONS)}"
-            )
+        if compression not in chunks.COMPRESSIONS:
+            hint = suggestion(compression, chunks.COMPRESSIONS)
+            raise InputError(f"compression '{compression}' is unknown: {hint}")
         self.path = Path(path)
         check_log_path(self.path)
-        self._file: WholeFile | None = None
-        self._stream: RecordSink | BinaryIO
         try:
-            if live:
-                self._stream = RecordSink(self.path)
-            else:
-                self._file = WholeFile(self.path)
-                self._stream = self._file.stream
+            self._file = None if live else WholeFile(self.path)
+            self._sink = RecordSink(self._file.part if self._file else self.path)
         except BlockingIOError as error:
             raise InputError(f'{path}: another recorder writes it; name another file') from error
         except OSError as error:
             raise _not_written(self.path, error) from error
         self._limit = LIVE_CHUNK_SIZE if live else CHUNK_SIZE
         self._compression = compression
-        self._records = RecordStream(self._stream)
+        self._records = RecordStream(self._sink.write)
         self._records.start()
-        self._chunk = OpenChunk()
+        self._chunk = chunks.OpenChunk()
         self._schemas: dict[str, int] = {}
 
     def channel(
@@ -102,20 +87,20 @@ class LogWriter:
         topic
             its full name.
         type_name
-            such as `sensor_msgs/msg/JointState`.
+            message type such as `sensor_msgs/msg/JointState`.
         qos
-            what each of its publishers offers.
+            quality of service of each publisher.
         defined
-            the type's definition, for one that is none of ROS 2 Jazzy's own.
+            definition of the type if it is not one of ROS 2 Jazzy.
 
         Returns
         -------
-            The number by which messages name it, from 1 on in the order of the calls.
+            Number of the channel for its messages, from 1 in the order of the calls.
 
         Raises
         ------
         InputError
-            for a type that is none of ROS 2 Jazzy's own, without a definition.
+            if the type is not one of ROS 2 Jazzy and has no definition.
 
         """
         text, type_hash = defined or definition(type_name)
@@ -126,7 +111,7 @@ class LogWriter:
             self._define(Schema(schema, text.encode(), SchemaEncoding.ROS2, type_name))
         channel = len(summary.channels) + 1
         metadata = {
-            'offered_qos_profiles': '\n'.join(each.to_yaml() for each in qos),
+            'offered_qos_profiles': '\n'.join(offered.to_yaml() for offered in qos),
             'topic_type_hash': type_hash,
         }
         self._define(Channel(channel, topic, MessageEncoding.CDR, metadata, schema))
@@ -143,23 +128,22 @@ class LogWriter:
 
         Raises OverflowError for a time that is not an int64, before anything is written.
         """
-        self.write_records(arrived_records([(channel, time_ns, data)]), 0, 1)
+        self.write_records(chunks.arrived_records([(channel, time_ns, data)]), 0, 1)
 
-    def write_rows(self, sources: Sequence[ChannelRows]) -> None:
+    def write_rows(self, sources: Sequence[chunks.ChannelRows]) -> None:
         """
         Write many messages, merged in the order of their times.
 
-        Those of one time are written in the order of `sources`. A long run is written in
-        blocks of time, so that it need not be held in memory as a whole.
+        Messages of the same time are written in the order of `sources`. A long run is written
+        in several calls, because each call holds its messages in memory.
         """
         sources = [source for source in sources if len(source.times)]
-        if not sources:
-            return
-        merged, first = merged_records(sources), 0
-        while first < len(merged.times):
-            first = self.write_records(merged, first, len(merged.times))
+        if sources:
+            merged, first = chunks.merged_records(sources), 0
+            while first < len(merged.times):
+                first = self.write_records(merged, first, len(merged.times))
 
-    def write_records(self, messages: MessageRecords, first: int, stop: int) -> int:
+    def write_records(self, messages: chunks.MessageRecords, first: int, stop: int) -> int:
         """Write messages from `first` to before `stop` or a chunk's end; return the next one."""
         first = self._chunk.add_messages(messages, first, stop, self._limit)
         self._end_full_chunk()
@@ -168,15 +152,15 @@ class LogWriter:
     def _end_full_chunk(self) -> None:
         if self._chunk.size > self._limit:
             self._end_chunk()
+            if self._file:
+                self._sink.commit()
 
     def _end_chunk(self) -> None:
-        """Write the chunk under way; definitions alone wait for the first message."""
+        """Write the open chunk; definitions without messages wait for the first message."""
         chunk = self._chunk
         if chunk.indexes:
-            self._chunk = OpenChunk()
-            self._records.add_chunk(
-                indexed_chunk(chunk.content(), chunk.indexes, self._compression)
-            )
+            self._chunk = chunks.OpenChunk()
+            self._records.add_chunk(chunk.close(self._compression), chunk.indexes)
 
     def attach(self, name: str, media_type: str, data: bytes, time_ns: int = 0) -> None:
         """Add a file, such as the parameters or the robot description; its time in ns."""
@@ -188,39 +172,34 @@ class LogWriter:
 
     def commit(self, *, whole: bool = True, durable: bool = False) -> None:
         """
-        Hand over to the operating system what was written so far.
+        Pass the records to the operating system.
 
-        What a killed recording has committed can be recovered.
+        Committed records of a killed recording can be recovered.
 
         Parameters
         ----------
         whole
-            the chunk under way too; else complete chunks only.
+            True to end the open chunk, False for complete chunks only.
         durable
-            wait until a power cut can no longer harm it.
+            True to wait until a power failure cannot lose them.
 
         Raises
         ------
         OSError
-            where the disk does not take it; nothing is lost, and the next commit
-            tries again.
+            if the disk does not take them; nothing is lost, and the next commit tries again.
 
         """
         if whole:
             self._end_chunk()
-        if isinstance(self._stream, RecordSink):
-            self._stream.commit(durable=durable)
-        else:
-            self._stream.flush()
+        self._sink.commit(durable=durable)
 
     def sync(self) -> None:
-        """Wait until a power cut can harm nothing of what was committed; OSError if it can."""
-        if isinstance(self._stream, RecordSink):
-            self._stream.sync()
+        """Wait until a power failure cannot lose what was committed; OSError if it can."""
+        self._sink.sync()
 
     @property
     def size(self) -> int:
-        """Bytes written, those of the chunk under way not counted."""
+        """Size in bytes without the open chunk."""
         return self._records.position
 
     @property
@@ -230,61 +209,49 @@ class LogWriter:
 
     @property
     def pending(self) -> int:
-        """Bytes that the disk has not taken."""
-        return self._stream.pending if isinstance(self._stream, RecordSink) else 0
+        """Bytes that are not on the disk yet."""
+        return self._sink.pending
 
     def finish(self) -> None:
-        """Write the indexes and the end; what remains is to commit and to close."""
+        """Write the indexes and the end; the caller commits and closes the file."""
         self._end_chunk()
         self._records.finish()
 
     def close(self) -> None:
-        """Complete the file and give it its name; InputError where a disk takes no more."""
-        if self._stream.closed:
+        """Complete the file and give it its name; InputError if the disk is full."""
+        if self._sink.closed:
             return
         try:
             self.finish()
-            self.commit(whole=False, durable=True)
-            if self._file is None:
-                self.close_file()
-            else:
+            self.commit(whole=False, durable=self._file is None)
+            self._sink.close()
+            if self._file:
                 self._file.finish()
         except BaseException as error:
-            self.discard()
-            self._refuse(error)
+            self._fail(error)
             raise
 
     def close_file(self) -> None:
-        """Close the file with what is in it."""
-        self._stream.close()
-
-    def discard(self) -> None:
-        """Close the file as it is; nothing is left of a computed run."""
-        if self._file is None:
-            self._stream.close()
-        else:
+        """Close the file in its present state; remove that of a computed run."""
+        self._sink.close()
+        if self._file:
             self._file.discard()
 
     def __enter__(self) -> LogWriter:
-        """Return itself."""
+        """Return the writer."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Complete the file, or leave nothing of a computed run that failed."""
-        if kind is None or self._file is None:
+    def __exit__(self, *exception: Any) -> None:
+        """Complete the file, or remove that of a computed run that failed."""
+        if exception[0] is None or self._file is None:
             self.close()
         else:
-            self.discard()
-            self._refuse(error)
+            self._fail(exception[1])
 
-    def _refuse(self, error: BaseException | None) -> None:
-        """Raise InputError where the disk did not take a computed run."""
-        if self._file is not None and isinstance(error, OSError):
+    def _fail(self, error: BaseException) -> None:
+        """Close the file; InputError if the disk did not take a computed run."""
+        self.close_file()
+        if self._file and isinstance(error, OSError):
             raise _not_written(self.path, error) from error
 
 
@@ -294,7 +261,7 @@ def _not_written(path: Path, error: OSError) -> InputError:
 
 def check_log_path(path: Path) -> None:
     """
-    Check that a log can be written there, without writing anything.
+    Check that a log can be written to a file, without writing anything.
 
     Parameters
     ----------
@@ -304,12 +271,12 @@ def check_log_path(path: Path) -> None:
     Raises
     ------
     InputError
-        where it is a folder or something else than a file, where its folder is
-        missing, no folder, or not writable.
+        if it is a folder or not a regular file, or if its folder is missing, not a folder or
+        not writable.
 
     """
     folder = path.parent
-    # Not the methods of Path, some of which raise for a name that is too long.
+    # Some methods of Path raise for a name that is too long.
     exists = os.path.exists(path)
     if exists and not os.path.isfile(path):
         kind = 'a folder' if os.path.isdir(path) else 'not a file'

@@ -16,19 +16,29 @@ from masmc_ros.messages.parameter_record import ParameterRecord
 
 class Attachments:
     """
-    Files, parameters with their changes, the robot's description and what is missing.
+    Files, parameters with their changes, the robot's description and gaps of topics.
 
     Attributes
     ----------
     parameters
-        those at the start of each node that published them.
+        parameters at the start of each node that published them.
     description
-        of the robot, None before it has come.
+        description of the robot; None before its arrival.
 
     """
 
     def __init__(self, files: Mapping[str, bytes], missing: Callable[[], dict[str, str]]) -> None:
-        """Initialise with files by name, and a function for the gaps of each topic at the end."""
+        """
+        Initialise the data.
+
+        Parameters
+        ----------
+        files
+            files by name.
+        missing
+            function that describes the gaps of each topic at the end.
+
+        """
         self._files, self._missing = files, missing
         self.parameters: dict[str, Any] = {}
         self._changes: list[ParameterRecord] = []
@@ -37,17 +47,17 @@ class Attachments:
     def add_parameters(self, node: str, record: ParameterRecord) -> None:
         """Note a record of a node: first its parameters, then their changes."""
         if node in self.parameters:
-            # Its other values, over a hundred, are not written: they would fill the memory.
+            # Its other values, over a hundred, are not needed and would fill the memory.
             self._changes.append(record._replace(parameters=record.changes))
         else:
             self.parameters[node] = record.parameters
 
     def write_opening(self, log: LogWriter) -> None:
-        """Write what is known at the start."""
+        """Write the data known at the start."""
         write_origin(log, self._files)
 
     def write_closing(self, log: LogWriter) -> None:
-        """Write what is known at the end; called from the thread that writes."""
+        """Write the data known at the end; called from the writing thread."""
         write_parameters(log, dict(self.parameters), tuple(self._changes))
         missing = self._missing()
         if missing:

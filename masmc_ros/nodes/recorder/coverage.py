@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Up to where a recorder has everything of a run that comes with the ticks.
+Time of a run up to which a recorder has received all topics that are sent with the ticks.
 
-A message that is lost on its way is repeated by its sender, which can take the three seconds
-of Fast DDS's heartbeat, while other topics go on. A plant that followed those would send on
-until the lost message has left its sender's history: it is to follow the one furthest behind.
+A lost message is repeated by its sender, which can take the three seconds of Fast DDS's
+heartbeat, while other topics continue. A plant that followed the other topics would continue until
+the lost message has left its sender's history. Therefore it follows the topic furthest behind.
 """
 
 from __future__ import annotations
@@ -16,42 +16,42 @@ from dataclasses import dataclass
 import time
 
 _MISSED = 4.0
-"""Time in s after which a topic that is behind has come to its end, not just to a gap."""
+"""Time in s after which a topic that is behind has ended."""
 
 
 @dataclass
 class _Topic:
     last: int
     step: int = 0
-    """Between its last two stamps in ns; 0 while it is not known when the next is due."""
+    """Interval of its last two stamps in ns; 0 if the next stamp is unknown."""
     behind_since: float | None = None
 
 
 class Coverage:
     """
-    Stamps in ns of what came last.
+    Latest stamps in ns.
 
     Attributes
     ----------
     answered
-        of the last command; -1 for none.
+        stamp of the last command; -1 before the first.
 
     """
 
     def __init__(self) -> None:
-        """Begin with nothing."""
+        """Initialise without messages."""
         self._state = self.answered = -1
         self._topics: dict[str, _Topic] = {}
 
     def add_state(self, stamp: int) -> None:
-        """Note a state; where the robot was set back, everything is expected from there on."""
+        """Note a state; after a reset of the robot, all topics are expected from its stamp."""
         if stamp < self._state:
             for topic in self._topics.values():
                 topic.last = stamp - topic.step
         self._state = stamp
 
     def add(self, name: str, stamp: int) -> None:
-        """Note a message of a topic that comes with the ticks, or every few of them."""
+        """Note a message of a topic that is sent at every tick, or every few ticks."""
         topic = self._topics.get(name)
         if topic is None:
             self._topics[name] = _Topic(stamp)
@@ -61,19 +61,19 @@ class Coverage:
         topic.behind_since = None
 
     def forget(self, names: Iterable[str]) -> None:
-        """Expect no more of some topics until they come again."""
+        """Expect no messages of some topics until the next one."""
         for name in names:
             self._topics.pop(name, None)
 
     def reached(self) -> int:
-        """Return the stamp up to which states, commands and all else have come."""
+        """Return the stamp up to which states, commands and all other topics have arrived."""
         reached = min(self._state, self.answered)
         for topic in self._topics.values():
             if not topic.step or topic.last + topic.step >= reached:
                 continue
-            now = time.monotonic()
-            topic.behind_since = since = topic.behind_since or now
-            if now - since > _MISSED:
+            time_s = time.monotonic()
+            topic.behind_since = topic.behind_since or time_s
+            if time_s - topic.behind_since > _MISSED:
                 topic.step = 0
             else:
                 reached = topic.last + topic.step

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Lines about the disk: when it takes nothing, and when messages are lost."""
+"""Log lines about a disk that takes nothing, and about lost messages."""
 
 from __future__ import annotations
 
@@ -11,20 +11,32 @@ from masmc_ros.log.write.recording import Recording
 
 
 class DiskWatch:
-    """Says what is new since the last look."""
+    """Log lines about changes since the last look."""
 
     def __init__(self, recording: Recording, queue_size: float, log: Any) -> None:
-        """Take the recording, how many MB may wait for the disk, and the node's logger."""
+        """
+        Initialise the watch.
+
+        Parameters
+        ----------
+        recording
+            the recording.
+        queue_size
+            maximum size in MB of the messages that wait for the disk.
+        log
+            logger of the node.
+
+        """
         self._recording, self._queue_size, self._log = recording, queue_size, log
-        self._told_trouble: str | None = None
-        self._told_lost = 0
+        self._logged_trouble: str | None = None
+        self._logged_lost = 0
 
     def look(self) -> None:
-        """Say when the disk takes nothing, when messages are lost, and when that is over."""
+        """Log that the disk takes nothing, that it takes messages again, and losses."""
         recording, log = self._recording, self._log
         trouble = recording.trouble
-        if trouble != self._told_trouble:
-            self._told_trouble = trouble
+        if trouble != self._logged_trouble:
+            self._logged_trouble = trouble
             if trouble is not None:
                 log.error(
                     f'{recording.path}: {trouble}; up to {self._queue_size:g} MB of'
@@ -33,8 +45,8 @@ class DiskWatch:
             else:
                 log.info(f'{recording.path}: the disk takes messages again')
         lost = sum(recording.lost.values())
-        if lost > self._told_lost:
-            self._told_lost = lost
+        if lost > self._logged_lost:
+            self._logged_lost = lost
             log.error(
                 f'{lost} messages lost so far: the disk does not keep up with them',
                 throttle_duration_sec=1.0,

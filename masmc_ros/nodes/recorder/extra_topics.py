@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Topics that are recorded as soon as they exist; their publishers define the types."""
+"""Topics that are recorded when they appear, with the types of their publishers."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
 _NOT_FOUND_YET = '_NODE_NAME_UNKNOWN_'
-"""Name of a node whose topics were found before itself."""
+"""Name of a node that was discovered after its topics."""
 
 
 class Record(Protocol):
-    """Starts to record a topic; InputError if it cannot."""
+    """Function that starts to record a topic; InputError if that is not possible."""
 
     def __call__(
         self,
@@ -32,20 +32,30 @@ class Record(Protocol):
         best_effort: bool,
         defined: Definition,
     ) -> None:
-        """Take the topic's messages as they are sent."""
+        """Record the messages of the topic unmodified."""
 
 
 class ExtraTopics:
     """Topics without a publisher so far."""
 
     def __init__(self, names: Iterable[str], holds: dict[str, bool]) -> None:
-        """Take names, and of those that are known whether their messages hold until the next."""
+        """
+        Initialise the topics.
+
+        Parameters
+        ----------
+        names
+            names of topics.
+        holds
+            whether messages are valid until the next one, of known topics by name.
+
+        """
         self._holds = holds
         self._names = {name for name in names if name} | holds.keys()
         self._requests: dict[str, DefinitionRequest] = {}
 
     def look(self, node: Node, log: Any, record: Record) -> None:
-        """Record what has turned up, in the way it is sent."""
+        """Record the topics that have appeared, with the QoS of their publishers."""
         for topic in tuple(self._names):
             resolved = node.resolve_topic_name(topic)
             senders = node.get_publishers_info_by_topic(resolved)
@@ -79,18 +89,18 @@ class ExtraTopics:
 
     def _definition(self, node: Node, topic: str, sender: Any) -> Definition | None:
         """
-        Return what a topic's messages are, None while its sender is asked.
+        Return the definition of a topic's type; None until the sender has sent it.
 
-        Jazzy's own types need no question, unless the sender has another version of them.
+        The sender is not asked for a type of Jazzy, unless it has another version of it.
         """
-        told = str(sender.topic_type_hash)
+        type_hash = str(sender.topic_type_hash)
         with suppress(InputError):
             known = definition(sender.topic_type)
-            if told in (known.type_hash, ''):
+            if type_hash in (known.type_hash, ''):
                 return known
         if sender.node_name == _NOT_FOUND_YET:
             return None
         if topic not in self._requests:
             name = f'{sender.node_namespace.rstrip("/")}/{sender.node_name}'
-            self._requests[topic] = DefinitionRequest(node, name, sender.topic_type, told)
+            self._requests[topic] = DefinitionRequest(node, name, sender.topic_type, type_hash)
         return self._requests[topic].answer()

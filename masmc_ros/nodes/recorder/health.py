@@ -15,29 +15,29 @@ _MEGABYTE = 1_000_000
 
 
 class RecorderHealth:
-    """Text of the report, and whether it has become worse."""
+    """Health of a recorder with its counts; it is worse if messages were lost since the last."""
 
     def __init__(self, recording: Recording) -> None:
-        """Take the recording; no topic is watched yet."""
+        """Initialise the health of a recording, without watched topics."""
         self._recording = recording
         self._gaps: dict[str, Gaps] = {}
         self._problems = 0
 
     def watch(self, topic: str) -> Gaps:
-        """Return what counts the gaps of a topic that comes at a steady rate."""
+        """Return the gaps of a topic that is sent at a steady rate."""
         return self._gaps.setdefault(topic, Gaps())
 
     def missing(self) -> dict[str, str]:
-        """Return in words what is missing of each topic in which something is."""
+        """Return a description of the gaps of each topic that has any."""
         return {topic: gaps.text() for topic, gaps in list(self._gaps.items()) if gaps.count}
 
     def look(self) -> None:
-        """Count what is missing in what has come."""
+        """Count the gaps in the received messages."""
         for gaps in self._gaps.values():
             gaps.look()
 
     def report(self, counts: Mapping[str, int]) -> Health:
-        """Return how the recorder is; `counts` are the messages of each topic that came."""
+        """Return the health; `counts` are the received messages of each topic."""
         self.look()
         recording = self._recording
         lost = sum(recording.lost.values())

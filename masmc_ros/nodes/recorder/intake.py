@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Messages on their way to the thread that writes, with the times that the log has them at."""
+"""Messages with their log times, before they are passed to the writing thread."""
 
 from __future__ import annotations
 
@@ -9,25 +9,35 @@ from masmc_ros.log.mcap.chunks import Message
 from masmc_ros.log.write.recording import Recording
 
 _TOGETHER = 256
-"""Messages that are handed to the thread that writes at once."""
+"""Number of messages that are passed to the writing thread together."""
 
 
 class Intake:
     """
-    What has come and is not handed over yet.
+    Received messages that are not passed to the recording yet.
 
-    A message without a stamp has the log time of the latest state; what comes before the first
-    one waits for it.
+    A message without a stamp has the log time of the latest state; earlier messages wait for
+    the first state.
 
     Attributes
     ----------
     latest
-        stamp in ns of the latest state, None before the first.
+        stamp in ns of the latest state; None before the first.
 
     """
 
     def __init__(self, recording: Recording, most_early: float) -> None:
-        """Take the recording, and how many bytes may wait for the first state."""
+        """
+        Initialise the intake.
+
+        Parameters
+        ----------
+        recording
+            the recording.
+        most_early
+            maximum size in bytes of the messages that wait for the first state.
+
+        """
         self._recording = recording
         self._most_early = most_early
         self.latest: int | None = None
@@ -36,13 +46,13 @@ class Intake:
         self._early_size = 0
 
     def note_state(self, stamp: int) -> None:
-        """Take a state's stamp in ns for the time of what has none."""
+        """Set the time of messages without a stamp to that of a state, in ns."""
         if self.latest is None:
             self._release_early(stamp)
         self.latest = stamp
 
     def keep(self, channel: int, stamp: int | None, raw: bytes) -> None:
-        """Keep a message of a stamp in ns, or without one, for the log."""
+        """Keep a message with its stamp in ns, or without one, for the log."""
         time_ns = self.latest if stamp is None else stamp
         if time_ns is None:
             self._keep_early(channel, raw)
@@ -52,13 +62,13 @@ class Intake:
             self.hand_over()
 
     def hand_over(self) -> None:
-        """Hand what has come to the thread that writes."""
+        """Pass the messages to the writing thread."""
         if self._taken:
             self._recording.write_all(self._taken)
             self._taken = []
 
     def finish(self) -> None:
-        """Hand over everything."""
+        """Pass all messages, early ones too, to the writing thread."""
         self._release_early(self.latest or 0)
         self.hand_over()
 

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The recorder node: every message of a run, byte for byte, into one MCAP file."""
+"""Recorder node, which writes every message of a run unmodified into one MCAP file."""
 
 from __future__ import annotations
 
@@ -62,26 +62,27 @@ from masmc_ros.nodes.recorder.progress import Progress
 from rclpy.context import Context
 
 _LONG_QUIET = 3.0
-"""Time in s without a message of the run itself after which one that reached its end is over.
+"""
+Time in s without a message of the run after which a run that reached its end is over.
 
-Others do not count: diagnostics are published every second, by this node too.
+Other topics do not count: every node publishes diagnostics once a second.
 """
 
 _WATCH = 0.2
-"""Time in s between two looks at how the disk does."""
+"""Time in s between two checks of the disk."""
 
 _SOON = 0.02
-"""Time in s that messages wait for one another at most."""
+"""Maximum time in s for which messages are collected."""
 
 _QUEUE = 10 * DEEP
-"""Messages of a topic that wait for a recorder that is held up; memory only while they do."""
+"""Messages of a topic that wait for a delayed recorder; they need memory only then."""
 
 _NICENESS = 5
 """
-How much a recorder in a process of its own gives way, as nice(1) says it.
+Niceness of a recorder in a separate process.
 
 At the same priority it preempts the publishers at each message, and lock-step waits for it.
-With more, processors that others keep busy would not leave it what a run at 1 kHz takes.
+With a higher niceness it could not record a run at 1 kHz on busy processors.
 """
 
 _CORE = (
@@ -89,11 +90,11 @@ _CORE = (
     ((COMMAND_TOPIC,), (CMD_VEL_TOPIC, ARM_VELOCITY_TOPIC)),
     ((REFERENCE_TOPIC,),),
 )
-"""Topics whose senders must be found before the recorder calls itself ready.
-
-Of each line all topics of one of its entries: torques are commanded, or rates.
 """
+Topics whose senders must be discovered before the recorder is ready.
 
+All topics of one entry of each line are needed: torques are commanded, or velocities.
+"""
 
 _TELEMETRY = tuple(map(telemetry_topic, TELEMETRY))
 
@@ -102,13 +103,13 @@ _WITH_TICKS = (*_TELEMETRY, TRANSFORMS.name, TRANSFORMS.name.lstrip('/'), 'odom'
 
 
 class RecorderNode(SuiteNode):
-    """Subscribes raw to everything and writes it as it comes."""
+    """Recorder of all topics of a run."""
 
     name = 'recorder'
     follows = True
 
     def __init__(self, *, context: Context, command_line: CommandLine) -> None:
-        """Open the file; InputError where that is not possible."""
+        """Initialise the node and open the file; InputError if that is not possible."""
         super().__init__(context=context, command_line=command_line)
         self._last = self._last_stamp()
         self._extra = ExtraTopics(
@@ -126,19 +127,19 @@ class RecorderNode(SuiteNode):
         self._frames = OwnFrames(self.node, self.values['frame_prefix'])
         self._is_ready = False
         self._last_arrival = self._last_of_run = time.monotonic()
-        self._heard_of: set[str] = set()
+        self._known_nodes: set[str] = set()
         self.counts: dict[str, int] = {}
 
     def connect(self) -> None:
-        """Subscribe to everything, and say so once the senders are found."""
+        """Subscribe to all topics, and report when the senders are discovered."""
         super().connect()
         self._progress = Progress(
             self._recording, self.publisher(Time, 'recorder/progress', 1).publish
         )
-        told = {parameters_topic(node) for node in PARAMETER_NODES}
-        # A node finds our subscriptions in their order: one from which parameters have come
-        # has found all of them, and no telemetry of it goes by.
-        for topic in sorted((*TOPICS, *SYSTEM_TOPICS), key=lambda each: each.name in told):
+        last = {parameters_topic(node) for node in PARAMETER_NODES}
+        # A node discovers these subscriptions in their order: a node whose parameters have
+        # arrived has discovered all of them, and none of its telemetry is lost.
+        for topic in sorted((*TOPICS, *SYSTEM_TOPICS), key=lambda topic: topic.name in last):
             if topic.turns_up:
                 continue
             name = self._frames.topic if topic is TRANSFORMS else topic.name
@@ -162,7 +163,7 @@ class RecorderNode(SuiteNode):
         self.wait(f'the senders of {_core_text()}')
 
     def close(self, spin: Callable[[], None]) -> None:
-        """Take what is still under way, complete the file."""
+        """Receive the last messages and complete the file."""
         super().close(spin)
         take_rest(spin, lambda: self._last_arrival)
         self._intake.finish()
@@ -171,8 +172,8 @@ class RecorderNode(SuiteNode):
         self._watch_disk()
         lost = sum(self._recording.lost.values())
         messages = sum(self.counts.values()) - lost
-        told = f', {lost} lost' if lost else ''
-        self.log.info(f'{messages} messages in {self._recording.path}{told}')
+        losses = f', {lost} lost' if lost else ''
+        self.log.info(f'{messages} messages in {self._recording.path}{losses}')
         for topic, text in self._health.missing().items():
             self.log.warning(f'{topic}: {text}, by its stamps')
 
@@ -247,7 +248,7 @@ class RecorderNode(SuiteNode):
                 stamp = stamp_of(raw)
                 if handler is not None:
                     handler(raw, stamp)
-            except Exception as error:  # whatever a stranger sends must not end the recording
+            except Exception as error:  # a third-party message must not end the recording
                 self._not_understood.add(resolved, error)
             self._intake.keep(channel, stamp, raw)
 
@@ -266,7 +267,7 @@ class RecorderNode(SuiteNode):
         self._note_state(stamp)
 
     def _on_command(self, raw: bytes, stamp: int | None) -> None:
-        """Note which states are answered."""
+        """Note that a state is answered."""
         if stamp is None:
             return
         self._last_of_run = self._last_arrival
@@ -285,7 +286,7 @@ class RecorderNode(SuiteNode):
             self._progress.coverage.forget(_TELEMETRY)
 
     def _on_parameters(self, node: str, raw: bytes, stamp: int | None) -> None:
-        self._heard_of.add(node)
+        self._known_nodes.add(node)
         record = record_of(raw)
         self._attachments.add_parameters(node, record)
         if node == 'plant':
@@ -296,35 +297,38 @@ class RecorderNode(SuiteNode):
         resolved = self.node.resolve_topic_name(topic)
         return resolved in self.counts and self.node.count_publishers(resolved) > 0
 
-    def _has_told(self, node: str) -> bool:
+    def _has_parameters(self, node: str) -> bool:
         """Return True unless a node that publishes its parameters has not yet done so."""
-        return node in self._heard_of or not self._is_sent(parameters_topic(node))
+        return node in self._known_nodes or not self._is_sent(parameters_topic(node))
 
     def _look_around(self) -> None:
         """Report to the plant when all publishers are discovered; end when they have left."""
         self._extra.look(self.node, self.log, self._record_topic)
-        here = [any(all(map(self._is_sent, each)) for each in line) for line in _CORE]
-        if not self._is_ready and all(here) and all(map(self._has_told, PARAMETER_NODES)):
+        has_senders = [
+            any(all(map(self._is_sent, topics)) for topics in line) for line in _CORE
+        ]
+        has_parameters = all(map(self._has_parameters, PARAMETER_NODES))
+        if not self._is_ready and all(has_senders) and has_parameters:
             self._is_ready = True
             self.wait(None)
-            self._progress.begin()
+            self._progress.start()
         if self._is_ready:
-            # What was behind may be there, or no longer expected, while the plant stands still.
-            self._progress.go_on()
+            # While the plant waits, a topic that was behind may arrive or end.
+            self._progress.report()
         is_over = self._last is not None and self._progress.coverage.answered >= self._last
-        # A sender that was killed counts as there for a while yet.
+        # A killed sender is still discovered for some seconds.
         is_quiet = time.monotonic() - self._last_of_run > _LONG_QUIET
-        if is_over and (is_quiet or not any(here)):
+        if is_over and (is_quiet or not any(has_senders)):
             self.finished = True
 
 
 def _core_text() -> str:
-    return ', '.join(' or '.join(' and '.join(each) for each in line) for line in _CORE)
+    return ', '.join(' or '.join(' and '.join(topics) for topics in line) for line in _CORE)
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the recorder node, at a lower priority than those it listens to."""
-    # First of all: threads have the priority of those that start them.
+    """Run the recorder node, at a lower priority than the publishers."""
+    # First, because threads inherit the priority.
     if hasattr(os, 'nice'):
         os.nice(_NICENESS)
     return run([RecorderNode], arguments)

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The recording that a recorder's parameters ask for."""
+"""Recording by the parameters of a recorder."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ MEGABYTE = 1_000_000
 
 def open_recording(values: Mapping[str, Any], attachments: Attachments) -> Recording:
     """
-    Start the recording that checked values ask for.
+    Start the recording by checked parameters.
 
-    Raises InputError where its place is taken or cannot be written.
+    Raises InputError if its file exists or cannot be written.
     """
     path = log_path(Path(values['output']))
     options = Options(
@@ -45,7 +45,7 @@ def open_recording(values: Mapping[str, Any], attachments: Attachments) -> Recor
 
 
 def log_path(output: Path) -> Path:
-    """Return the file to record into: the one named, or one named by the time in a folder."""
+    """Return the file of the recording: `output`, or a file named by the time in this folder."""
     if output.suffix == '.mcap':
         return output
     return output / datetime.now().strftime('masmc_%Y-%m-%d_%H-%M-%S.mcap')

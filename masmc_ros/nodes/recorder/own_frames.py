@@ -13,17 +13,17 @@ from rclpy.node import Node
 
 
 class OwnFrames:
-    """The robot's frames, known by their prefix."""
+    """Frames of the robot, which have its prefix."""
 
     def __init__(self, node: Node, prefix: str) -> None:
-        """Take the node, which has the robot's namespace, and the prefix before all names."""
+        """Initialise the frames for a node in the robot's namespace and the prefix of names."""
         self._node, self._log = node, node.get_logger()
         self._prefix = prefix
         self._names = first_names(prefix)
 
     @property
     def topic(self) -> str:
-        """Return the full name of the topic that they come on."""
+        """Return the full name of their topic."""
         return transforms_topic(self._node.get_namespace(), self._prefix)
 
     def are_in(self, raw: bytes) -> bool:
@@ -32,13 +32,13 @@ class OwnFrames:
             return True
         parent, child = first_frames(raw)
         self._log.info(
-            f'{TRANSFORMS.name}: frames of others, such as {parent} to {child}, are left out',
+            f'{TRANSFORMS.name}: frames of others, such as {parent} to {child}, are not recorded',
             once=True,
         )
         return False
 
     def go_by(self, prefix: Any) -> None:
-        """Take the plant's word for the prefix."""
+        """Use the prefix of the plant."""
         if not isinstance(prefix, str) or prefix == self._prefix:
             return
         recorded = self.topic

@@ -18,37 +18,37 @@ _EVERY = 100
 
 class Progress:
     """
-    Reports what is covered.
+    Reports of the time up to which all messages have arrived.
 
     Attributes
     ----------
     coverage
-        what has come.
+        coverage of the topics.
 
     """
 
     def __init__(self, recording: Recording, publish: Callable[[Time], None]) -> None:
-        """Take the recording, and what sends a report."""
+        """Initialise the reports of a recording, which `publish` sends."""
         self._recording, self._publish = recording, publish
         self.coverage = Coverage()
         self._reported = -1
         self._unreported = 0
 
     def add_answer(self, stamp: int) -> None:
-        """Note that the state of a stamp in ns is answered."""
+        """Note that the state with a stamp in ns is answered."""
         self.coverage.answered = stamp
         self._unreported += 1
         if self._unreported >= _EVERY:
-            self.go_on()
+            self.report()
 
-    def go_on(self) -> None:
-        """Report the time up to which all has arrived, if that is new and the disk keeps up."""
+    def report(self) -> None:
+        """Report the time up to which all has arrived, if it has changed and the disk keeps up."""
         reached = self.coverage.reached()
         if reached != self._reported and not self._recording.is_congested:
             self._report(reached)
 
-    def begin(self) -> None:
-        """Report for the first time: the recorder is there."""
+    def start(self) -> None:
+        """Report for the first time that the recorder is ready."""
         self._report(self.coverage.reached())
 
     def _report(self, reached: int) -> None:

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Single records of an MCAP file: heads, limits, packing and unpacking."""
+"""Codec of single records of an MCAP file: heads, limits, packing and unpacking."""
 
 from __future__ import annotations
 
@@ -27,14 +27,11 @@ MAGIC = b'\x89MCAP0\r\n'
 RECORD_HEAD = struct.Struct('<BQ')
 """Opcode and length of the record's content."""
 
-MESSAGE_HEAD = struct.Struct('<HIQQ')
-"""Channel, sequence number, log time and publish time at the start of a message."""
+MESSAGE_HEAD = struct.Struct('<BQHIQQ')
+"""Head, channel, sequence number, log time and publish time at the start of a message."""
 
 LARGEST_CHUNK = 2**28
 """Maximum unpacked size of a compressed chunk in bytes; a larger one is not compressed."""
-
-LARGEST_RATIO = 500
-"""Maximum ratio of the unpacked size of a log to its own size; runs reach about 50."""
 
 
 class LargeChunkError(ValueError):
@@ -42,13 +39,13 @@ class LargeChunkError(ValueError):
 
 
 def check_magic(path: Path, start: bytes) -> None:
-    """Raise InputError where a file, by its first bytes, was never going to be a log."""
+    """Raise InputError if the first bytes of a file are not those of an MCAP file."""
     if not MAGIC.startswith(start[: len(MAGIC)]):
         raise InputError(f'{path}: is not an MCAP file; name a log such as run.mcap')
 
 
 def cut_off(path: Path) -> str:
-    """Return what to say of a log without its end."""
+    """Return the error message for a log without its end."""
     return (
         f'{path}: the log ends before its end, its recorder was cut off;'
         f' `masmc recover {path}` makes a complete one of it'
@@ -56,7 +53,7 @@ def cut_off(path: Path) -> str:
 
 
 def records(data: Data, position: int = len(MAGIC)) -> Iterator[tuple[int, int, int]]:
-    """Yield opcode, start and end of the records that are there as a whole."""
+    """Yield opcode, start and end of the complete records from a position on."""
     while position + RECORD_HEAD.size <= len(data):
         opcode, length = RECORD_HEAD.unpack_from(data, position)
         end = position + RECORD_HEAD.size + length
@@ -67,12 +64,12 @@ def records(data: Data, position: int = len(MAGIC)) -> Iterator[tuple[int, int, 
 
 
 def all_records(content: bytes) -> Iterator[tuple[int, int, int]]:
-    """Yield the records of a chunk; ValueError where it does not end with the last one."""
+    """Yield the records of a chunk; ValueError if it does not end with the last one."""
     end = 0
     for opcode, start, end in records(content, 0):
         yield opcode, start, end
     if end != len(content):
-        raise ValueError(f'a record at byte {end} of a chunk goes beyond its end')
+        raise ValueError(f'a record at byte {end} of a chunk is longer than the chunk')
 
 
 def decompressed(chunk: Chunk) -> bytes:
@@ -84,7 +81,7 @@ def decompressed(chunk: Chunk) -> bytes:
     Raises
     ------
     LargeChunkError
-        if the chunk is larger than LARGEST_CHUNK, and is not damaged as far as its head shows.
+        if the chunk is larger than LARGEST_CHUNK, and its head shows no damage.
     Exception
         of any kind if the records are damaged.
 
@@ -121,12 +118,11 @@ def _frame_size(chunk: Chunk) -> int | None:
     if chunk.compression == 'zstd':
         size = zstandard.get_frame_parameters(chunk.data).content_size
         return None if size == zstandard.CONTENTSIZE_UNKNOWN else size
-    size = lz4.frame.get_frame_info(chunk.data)['content_size']
-    return size or None
+    return lz4.frame.get_frame_info(chunk.data)['content_size'] or None
 
 
 def packed(record: McapRecord) -> bytes:
-    """Return a record as it is written."""
+    """Return the bytes of a record in a file."""
     builder = RecordBuilder()
     record.write(builder)
     data: bytes = builder.end()
@@ -134,7 +130,7 @@ def packed(record: McapRecord) -> bytes:
 
 
 def parsed(data: bytes) -> McapRecord:
-    """Return a record from its bytes; exceptions of any kind show that it is damaged."""
+    """Return a record from its bytes; exceptions of any kind indicate damage."""
     reader = StreamReader(BytesIO(data), skip_magic=True, emit_chunks=True)
     record: McapRecord = next(reader.records)
     return record
