@@ -196,8 +196,8 @@ class ControllerCore:
 
     # Events.
 
-    def begin(self) -> Actions:
-        """Publish the state at the start."""
+    def start(self) -> Actions:
+        """Publish the state of the controller for the first time."""
         return self._after_change(0.0)
 
     def on_state(self, stamp: int, position: Array, velocity: Array, now: float) -> Actions:
@@ -295,7 +295,7 @@ class ControllerCore:
         self._values.update(changed)
         self._queue_record(changed=tuple(changed))
         self._set_pacing(self.pacing)
-        self._layer.begin()
+        self._layer.restart()
         self._watch.restart()
         return NOTHING
 
@@ -572,7 +572,7 @@ class ControllerCore:
             self.controller.skip(skipped)
             self._watch.skip(skipped)
             self.counts.skipped += skipped
-        line = self._layer.held(max(skipped, 0) + 1, position, now)
+        line = self._layer.check(max(skipped, 0) + 1, position, now)
         if line is not None:
             self._more.append(Line('warning', line))
 

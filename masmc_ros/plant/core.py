@@ -82,7 +82,7 @@ class PlantCore(ABC):
         Number of commands that did not respond to the present state.
     is_paused
         True while the robot's time does not advance.
-    has_begun
+    has_started
         True after the first state.
     is_over
         True after the last tick, and after a failure.
@@ -113,15 +113,15 @@ class PlantCore(ABC):
         self.recorder = RecorderPace()
         self.lateness = Lateness(timing.period)
         self.stamp, self.dropped = -1, 0
-        self.is_paused = self.has_begun = self.is_over = False
+        self.is_paused = self.has_started = self.is_over = False
         self._timing, self._values = timing, values
         self._started = 0.0
 
     # Events.
 
-    def begin(self, now: float) -> Actions:
+    def start(self, now: float) -> Actions:
         """Publish the first state."""
-        self._started, self.has_begun = now, True
+        self._started, self.has_started = now, True
         return self._publish()
 
     @abstractmethod
@@ -176,7 +176,7 @@ class PlantCore(ABC):
         self.robot.reset()
         self.commands.clear()
         self.recorder.set_back()
-        return self._publish() if self.has_begun else NOTHING
+        return self._publish() if self.has_started else NOTHING
 
     def on_pause(self, now: float, *, is_paused: bool) -> Actions:
         """Let the robot's time stop, or advance again."""
@@ -186,7 +186,7 @@ class PlantCore(ABC):
 
     def step_refusal(self) -> str:
         """Return why a single step is impossible; empty if it is possible."""
-        if not self.has_begun:
+        if not self.has_started:
             return 'the run has not begun; call again when it has'
         return '' if self.is_paused else 'not paused; call pause with data true first'
 

@@ -24,7 +24,7 @@ class LockStep(PlantCore):
         self, part: CommandPart, numbers: Array | None, answered: int | None, now: float
     ) -> Actions:
         """Apply a command to the last state; one that names no state is taken for that."""
-        if not self.has_begun or (answered != self.stamp and part.names_state):
+        if not self.has_started or (answered != self.stamp and part.names_state):
             self.dropped += 1
             return NOTHING
         part.take(numbers, answered, now)
@@ -34,7 +34,7 @@ class LockStep(PlantCore):
         """Return what the run waits for; give up a recorder that is silent."""
         tick = self.robot.tick
         has_moved, self._seen_tick = tick != self._seen_tick, tick
-        if not self.has_begun:
+        if not self.has_started:
             return NOTHING
         if has_moved or self.is_paused or self.is_over:
             self._waiting_since = None

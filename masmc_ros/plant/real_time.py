@@ -45,10 +45,10 @@ class RealTime(PlantCore):
         self._due = -1
         self._throttle = Throttle(_QUIET)
 
-    def begin(self, now: float) -> Actions:
+    def start(self, now: float) -> Actions:
         """Publish the first state; time runs, or starts with the first command."""
         self._set_anchor(now)
-        return super().begin(now)
+        return super().start(now)
 
     def on_command(
         self, part: CommandPart, numbers: Array | None, answered: int | None, now: float
@@ -56,7 +56,7 @@ class RealTime(PlantCore):
         """Use a command to a state within the command timeout, or one that names no state."""
         oldest = 1e9 * self._values['command_timeout'] * self._values['real_time_factor']
         is_recent = answered is None or 0 <= self.stamp - answered <= oldest
-        if not (self.has_begun and is_recent):
+        if not (self.has_started and is_recent):
             self.dropped += 1
             return NOTHING
         part.take(numbers, answered, now)
@@ -72,7 +72,7 @@ class RealTime(PlantCore):
         if now - before > max(0.5 * self._values['command_timeout'], 10.0 * period):
             # This process was late, and the robot's time with it; commands may be in the queue.
             self.commands.touch(now)
-        if self.is_over or not self.has_begun:
+        if self.is_over or not self.has_started:
             return NOTHING
         if self.is_paused or not self._runs:
             return self._repetition(now)

@@ -78,7 +78,7 @@ def test_composed_nodes_with_other_processes_get_all_messages(tmp_path: Path) ->
         wrong = EffortCdr()
         wrong.data[1] = float('inf')
         commands.publish(wrong.to_bytes())
-        tester.until(lambda: run.logged('ERROR', 'effort_commands refused'), 'a refusal')
+        tester.until(lambda: run.logged('ERROR', 'effort_commands rejected'), 'a refusal')
         gain = Parameter('observer_gain', Parameter.Type.DOUBLE, 0.25).to_parameter_msg()
         request = SetParameters.Request(parameters=[gain])
         tester.call(SetParameters, 'controller/set_parameters', request, again=False)

@@ -72,7 +72,7 @@ def test_in_lockstep_disabled_enabled_and_given_a_set_point(
         points = tester.publisher(Float64MultiArray, 'reference')
         tester.wait_for_subscribers(points, 2)
         points.publish(Float64MultiArray(data=[0.3, 0.5, 0.0, 0.0]))
-        refused = 'reference refused: a set-point beside a trajectory'
+        refused = 'reference rejected: a set-point beside a trajectory'
         tester.until(lambda: nodes['controller'].logged('ERROR', refused), refused)
         run.enable(False)
         run.goes_on(1.5)

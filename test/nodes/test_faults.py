@@ -120,8 +120,8 @@ BAD: dict[Input, list[Bad]] = {
         (lambda t: labelled('effort@soon'), "label 'effort@soon' is not"),
         (lambda t: GARBAGE, '8 bytes that are no Float64MultiArray'),
     ],
-    ('plant', 'recorder/progress', Time): [(lambda t: GARBAGE, 'recorder/progress refused')],
-    ('trajectory', 'controller/state', String): [(lambda t: GARBAGE, 'controller/state refused')],
+    ('plant', 'recorder/progress', Time): [(lambda t: GARBAGE, 'recorder/progress rejected')],
+    ('trajectory', 'controller/state', String): [(lambda t: GARBAGE, 'controller/state rejected')],
 }
 """What is sent to a node on a topic, one after the other; topics go beside each other."""
 
@@ -157,7 +157,7 @@ def test_bad_messages_on_every_input(tmp_path: Path) -> None:
         run.goes_on()
         for (node, topic, _), bad in BAD.items():
             if node != 'trajectory':
-                counts_at_least(run, node, f'{topic} refused', len(bad))
+                counts_at_least(run, node, f'{topic} rejected', len(bad))
         run.end()
         # A recorder writes what comes, and says what it cannot read.
         assert run.nodes['recorder'].logged('ERROR', 'plant/parameters')
@@ -191,7 +191,7 @@ def are_refused(run: LiveRun, publishers: dict[Input, Any], bad: dict[Input, Bad
 def lines(run: LiveRun, key: Input) -> list[str]:
     """Return what a node has said of messages that it refused."""
     node, topic, _ = key
-    return [line for line in run.nodes[node].logged('ERROR', ' refused: ') if topic in line]
+    return [line for line in run.nodes[node].logged('ERROR', ' rejected: ') if topic in line]
 
 
 def test_states_in_any_order_and_clocks_that_jump(tmp_path: Path) -> None:

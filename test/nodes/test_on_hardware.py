@@ -234,19 +234,19 @@ def watched(folder: Path, **settings: Any) -> Iterator[tuple[Watched, Any]]:
 def test_positions_alone_are_refused_with_the_remedy_and_then_enough(tmp_path: Path) -> None:
     with watched(tmp_path) as (robot, controller):
         robot.tester.until(
-            lambda: robot.figure('joint_states refused') > 5,
+            lambda: robot.figure('joint_states rejected') > 5,
             lambda: f'refusals: {robot.health}',
         )
-        (line, *_) = controller.logged('ERROR', 'joint_states refused')
+        (line, *_) = controller.logged('ERROR', 'joint_states rejected')
         assert 'set velocity_source to estimated' in line
         assert robot.torques == []
         robot.tester.change('/controller', velocity_source='estimated')
         robot.moves_on()
-        refused = robot.reported('joint_states refused')
+        refused = robot.reported('joint_states rejected')
         # Some robots give no number where they have none.
         robot.velocities = lambda velocity: [float('nan'), *velocity[1:3], float('inf'), 1e3]
         robot.moves_on()
-        assert robot.reported('joint_states refused') == refused
+        assert robot.reported('joint_states rejected') == refused
         # It goes where it is to go, although nobody ever told it how fast it is.
         robot.tester.until(
             lambda: len(robot.errors) > 1000 and np.abs(robot.errors[-1]).max() < 0.02,
@@ -254,7 +254,7 @@ def test_positions_alone_are_refused_with_the_remedy_and_then_enough(tmp_path: P
         )
         assert 'fault' not in ''.join(robot.told)
         robot.velocities = lambda velocity: [0.0]
-        robot.tester.until(lambda: robot.figure('joint_states refused') > refused, 'refusals')
+        robot.tester.until(lambda: robot.figure('joint_states rejected') > refused, 'refusals')
 
 
 def test_velocities_that_are_partly_unknown_are_refused_where_they_are_needed(
@@ -263,10 +263,10 @@ def test_velocities_that_are_partly_unknown_are_refused_where_they_are_needed(
     with watched(tmp_path) as (robot, controller):
         robot.velocities = lambda velocity: [*velocity[:4], float('nan')]
         robot.tester.until(
-            lambda: robot.figure('joint_states refused') > 5,
+            lambda: robot.figure('joint_states rejected') > 5,
             lambda: f'refusals: {robot.health}',
         )
-        (line, *_) = controller.logged('ERROR', 'joint_states refused')
+        (line, *_) = controller.logged('ERROR', 'joint_states rejected')
         assert "velocity of 'wheel_left_joint' is not a finite number; set velocity_sou" in line
         assert robot.torques == []
         # What is not asked for may be unknown.
@@ -289,10 +289,10 @@ def test_a_pose_that_comes_after_its_state_is_no_refusal_and_one_that_does_not_i
             robot.tester.until(lambda s=stamp: robot.answered[-1] == s, 'an answer')
             robot.is_on = True
             robot.moves_on(20)
-        assert np.isnan(robot.reported('joint_states refused')), robot.health
+        assert np.isnan(robot.reported('joint_states rejected')), robot.health
         robot.tells_pose = False
-        robot.tester.until(lambda: robot.figure('joint_states refused') > 5, 'refusals')
-        assert controller.logged('ERROR', 'joint_states refused: odom is 0.')
+        robot.tester.until(lambda: robot.figure('joint_states rejected') > 5, 'refusals')
+        assert controller.logged('ERROR', 'joint_states rejected: odom is 0.')
         robot.tells_pose = True
         robot.moves_on()
 

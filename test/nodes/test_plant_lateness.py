@@ -12,7 +12,7 @@ import time
 from diagnostic_msgs.msg import DiagnosticArray
 from masmc_ros.nodes.plant.health import PlantHealth
 from masmc_ros.nodes.process.diagnostics import Health, OK, WARN
-from masmc_ros.nodes.process.refusals import Refusals
+from masmc_ros.nodes.process.rejected_messages import RejectedMessages
 from masmc_ros.plant.lateness import BEARABLE_SHARE, Lateness
 from processes import peer, processes, ros_arguments
 import pytest
@@ -24,7 +24,7 @@ OLDER = 'ticks under an older command in the last second (%)'
 
 def report(health: PlantHealth, ticks: int) -> Health:
     return health.report(
-        None, [], Refusals(None), state='real time',
+        None, [], RejectedMessages(None), state='real time',
         ticks=ticks, dropped=0, command_age=0.0, slip=None,
     )  # fmt: skip
 

@@ -15,7 +15,7 @@ from log_contents import read_log
 from masmc_ros.cli.main import main
 from masmc_ros.nodes.plant.health import PlantHealth
 from masmc_ros.nodes.process.diagnostics import OK, WARN
-from masmc_ros.nodes.process.refusals import Refusals
+from masmc_ros.nodes.process.rejected_messages import RejectedMessages
 from masmc_ros.plant.lateness import Lateness
 import mujoco  # noqa: F401 (without it there is nothing to test)
 from processes import NODES, PAPER, processes, ros_arguments
@@ -60,7 +60,8 @@ def test_by_the_wall_clock_diagnostics_tell_of_slip(tmp_path: Path) -> None:
 def test_slip_beyond_creep_is_a_warning() -> None:
     for slip, level in ((None, OK), (0.01, OK), (0.2, WARN)):
         health = PlantHealth(0.001, Lateness(0.001)).report(
-            None, [], Refusals(None), state='runs', ticks=1, dropped=0, command_age=0.0, slip=slip
+            None, [], RejectedMessages(None), state='runs', ticks=1, dropped=0, command_age=0.0,
+            slip=slip,
         )
         assert health.level == level
         told = health.values.get('fastest slip of a wheel (m/s)')

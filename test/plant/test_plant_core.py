@@ -79,7 +79,7 @@ def test_lockstep_random_events_one_state_for_each_command(events: list[str]) ->
     core = core_of(LockStep)
     # Before the first state every command is dropped.
     assert (command(core, stamp=0), core.dropped) == (NOTHING, 1)
-    assert published(core.begin(0.0)) == 1
+    assert published(core.start(0.0)) == 1
     is_paused, steps, dropped, is_here = False, 0, 1, False
     for event in events:
         tick = core.robot.tick
@@ -116,7 +116,7 @@ def test_lockstep_random_events_one_state_for_each_command(events: list[str]) ->
 
 def test_lockstep_of_two_parts_waits_for_both() -> None:
     core = core_of(LockStep, parts=2)
-    core.begin(0.0)
+    core.start(0.0)
     first, second = core.commands.parts
     assert core.on_command(second, TORQUE[2:], core.stamp, 0.0) == NOTHING
     core.on_timer(0.0)
@@ -126,7 +126,7 @@ def test_lockstep_of_two_parts_waits_for_both() -> None:
 
 def test_lockstep_waits_for_a_recorder_until_it_is_silent() -> None:
     core = core_of(LockStep)
-    core.begin(0.0)
+    core.start(0.0)
     core.on_recorded(0, 0.0)
     for _ in range(AHEAD + 1):
         assert published(command(core)) == 1
@@ -150,7 +150,7 @@ def test_lockstep_waits_for_a_recorder_until_it_is_silent() -> None:
 @pytest.mark.parametrize('kind', [LockStep, RealTime])
 def test_last_tick_ends_the_run_once(kind: type[PlantCore]) -> None:
     core = core_of(kind, **({'waits': False} if kind is RealTime else {}))
-    core.begin(10.0)
+    core.start(10.0)
     core.robot.tick = last = round(50.0 / PERIOD)
     core.stamp = round(last * PERIOD * 1e9)
     if kind is LockStep:
@@ -186,7 +186,7 @@ def running(**options: Any) -> tuple[RealTime, Clock]:
     core = core_of(RealTime, **{'waits': False, **options})
     assert isinstance(core, RealTime)
     clock = Clock(core)
-    core.begin(clock.now)
+    core.start(clock.now)
     return core, clock
 
 
@@ -247,7 +247,7 @@ def test_real_time_late_process_takes_the_queue_first() -> None:
 
 def test_diverging_robot_ends_the_run_with_a_failure() -> None:
     core = core_of(LockStep, changed={'torque_limit': (0.0,) * 4})
-    core.begin(0.0)
+    core.start(0.0)
     part = core.commands.parts[0]
     actions: Actions = NOTHING
     while not core.is_over:

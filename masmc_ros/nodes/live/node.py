@@ -41,7 +41,7 @@ from masmc_ros.nodes.middleware.past import subscribe_with_past
 from masmc_ros.nodes.middleware.qos import DEEP, subscription_qos
 from masmc_ros.nodes.process.base import SuiteNode
 from masmc_ros.nodes.process.command_line import CommandLine
-from masmc_ros.nodes.process.refusals import Refusals
+from masmc_ros.nodes.process.rejected_messages import RejectedMessages
 from masmc_ros.nodes.process.runtime import run
 from masmc_ros.params.declaration import check_all
 from masmc_ros.robot.meshes import mesh_files
@@ -99,7 +99,7 @@ class LiveNode(SuiteNode):
         self._stamps: dict[str, StampReader] = {}
         self._transforms: StateTransforms | None = None
         self._latest = 0
-        self._refusals = Refusals(self.log, 'is shown as it came')
+        self._rejected_messages = RejectedMessages(self.log, 'is shown as it came')
         self._is_served = False
         self._awaited: list[Topic] = []
 
@@ -167,7 +167,7 @@ class LiveNode(SuiteNode):
                 try:
                     handle(raw)
                 except InputError as error:
-                    self._refusals.add(resolved, error)
+                    self._rejected_messages.add(resolved, error)
             self._send(resolved, raw)
 
         if topic.is_latched:
@@ -215,7 +215,7 @@ class LiveNode(SuiteNode):
         try:
             return self._stamps[topic](raw)
         except InputError as error:
-            self._refusals.add(topic, error)
+            self._rejected_messages.add(topic, error)
             return None
 
     def _send(self, topic: str, raw: bytes) -> None:

@@ -15,7 +15,7 @@ from masmc_ros.messages.parameter_record import record_of
 from masmc_ros.messages.topics import PARAMETER_NODES
 from masmc_ros.nodes.live.server import Change, LiveServer, plain
 from masmc_ros.nodes.middleware.messages import deserialized
-from masmc_ros.nodes.parameters.question import Question
+from masmc_ros.nodes.parameters.service_call import ServiceCall
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
@@ -87,7 +87,7 @@ class LiveParameters:
                 self._refuse(name, f'{value!r} is no value of a parameter')
                 left.count()
             else:
-                question = Question(partial(client.set_parameters, [wanted]))
+                question = ServiceCall(partial(client.set_parameters, [wanted]))
                 limit = time.monotonic() + _PATIENCE
                 self._pending.append(
                     _Pending(name, node, client, left, limit, question, self._on_answer)
@@ -116,7 +116,7 @@ class LiveParameters:
         else:
             self._refuse(pending.name, response.results[0].reason)
         _, _, parameter = pending.name.partition('.')
-        question = Question(partial(pending.client.get_parameters, [parameter]))
+        question = ServiceCall(partial(pending.client.get_parameters, [parameter]))
         self._pending.append(pending._replace(question=question, then=self._on_value))
 
     def _on_value(self, pending: _Pending, response: Any) -> None:
@@ -166,7 +166,7 @@ class _Pending(NamedTuple):
     client: AsyncParameterClient
     left: _Countdown
     limit: float
-    question: Question
+    question: ServiceCall
     then: Callable[[_Pending, Any], None]
 
 

@@ -17,7 +17,7 @@ from typing import Any
 
 from masmc_ros.errors import suggestion, UserError
 from masmc_ros.nodes.middleware.transport import prepare_transport
-from masmc_ros.nodes.parameters.question import Question
+from masmc_ros.nodes.parameters.service_call import ServiceCall
 from rcl_interfaces.msg import ParameterValue, SetParametersResult
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
@@ -111,7 +111,7 @@ class ParameterSession:
             raise UserError(
                 f'no node {node} within {self._patience:g} s; nodes with parameters: {there}'
             )
-        answer = self._come(Question(lambda: ask(client)).answer)
+        answer = self._come(ServiceCall(lambda: ask(client)).answer)
         if answer is None:
             raise UserError(f'{node} does not answer within {self._patience:g} s')
         return answer

@@ -24,7 +24,7 @@ from masmc_ros.nodes.plant.state_output import StateOutput
 from masmc_ros.nodes.process.base import SuiteNode
 from masmc_ros.nodes.process.command_line import CommandLine
 from masmc_ros.nodes.process.diagnostics import Health, publish_health
-from masmc_ros.nodes.process.refusals import Refusals
+from masmc_ros.nodes.process.rejected_messages import RejectedMessages
 from masmc_ros.nodes.process.runtime import run
 from masmc_ros.plant.commands import Array, CommandPart, Commands
 from masmc_ros.plant.core import (
@@ -59,8 +59,8 @@ class PlantNode(SuiteNode):
             self._robot.advance(command)
         self._robot.reset()
         self._output = StateOutput(self._robot, self._timing, self.values)
-        self._refusals = Refusals(self.log)
-        self._input = CommandInput(self.values, self._refusals)
+        self._rejected_messages = RejectedMessages(self.log)
+        self._input = CommandInput(self.values, self._rejected_messages)
         self._core = core = self._new_core()
         self._timer: Timer | None = None
         self._health = PlantHealth(self._timing.period, core.lateness)
@@ -107,7 +107,7 @@ class PlantNode(SuiteNode):
     # Start.
 
     def _start_when_ready(self) -> None:
-        if self._core.has_begun:
+        if self._core.has_started:
             return  # a destroyed timer's last call may be under way already
         missing = [name for name in self._wait_for if not self._is_there(name)]
         if missing:
@@ -115,7 +115,7 @@ class PlantNode(SuiteNode):
             return
         self.wait(None)
         self.node.destroy_timer(self._gate)
-        self._perform(self._core.begin(time.monotonic()))
+        self._perform(self._core.start(time.monotonic()))
         self._start_timer()
 
     def _start_timer(self) -> None:
@@ -173,7 +173,7 @@ class PlantNode(SuiteNode):
         try:
             stamp = header_stamp(raw)
         except InputError as error:
-            self._refusals.add('recorder/progress', error)
+            self._rejected_messages.add('recorder/progress', error)
             return
         self._perform(self._core.on_recorded(stamp, time.monotonic()))
 
@@ -199,7 +199,7 @@ class PlantNode(SuiteNode):
         return self._health.report(
             self.node,
             [self.node.resolve_topic_name(source.topic) for source in self._input.sources],
-            self._refusals,
+            self._rejected_messages,
             state=self._state_text(),
             ticks=core.robot.tick,
             dropped=core.dropped,
@@ -208,7 +208,7 @@ class PlantNode(SuiteNode):
         )
 
     def _state_text(self) -> str:
-        if not self._core.has_begun:
+        if not self._core.has_started:
             return f'waits for {self._waiting or "its start"}'
         return 'paused' if self._core.is_paused else self._core.text
 
@@ -221,7 +221,7 @@ class PlantNode(SuiteNode):
 
     def _on_pause(self, request: Any, response: Any) -> Any:
         # A request may arrive long after it was sent: the caller learns when it took effect.
-        since = f'at {self._time()}' if self._core.has_begun else 'before the run has begun'
+        since = f'at {self._time()}' if self._core.has_started else 'before the run has begun'
         self._perform(self._core.on_pause(time.monotonic(), is_paused=request.data))
         response.success = True
         response.message = f'{"paused" if request.data else "running"} {since}'

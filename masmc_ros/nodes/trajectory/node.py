@@ -20,7 +20,7 @@ from masmc_ros.nodes.middleware.messages import deserialized
 from masmc_ros.nodes.middleware.past import subscribe_with_past
 from masmc_ros.nodes.process.base import SuiteNode
 from masmc_ros.nodes.process.command_line import CommandLine
-from masmc_ros.nodes.process.refusals import Refusals
+from masmc_ros.nodes.process.rejected_messages import RejectedMessages
 from masmc_ros.nodes.process.runtime import run
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.robot.names import check_frame_prefix
@@ -62,7 +62,7 @@ class TrajectoryNode(SuiteNode):
         self._was_before = False
         self._is_activated = False
         self._last_tick: int | None = None
-        self._refusals = Refusals(self.log)
+        self._rejected_messages = RejectedMessages(self.log)
         self._check_reach()
 
     def connect(self) -> None:
@@ -102,7 +102,7 @@ class TrajectoryNode(SuiteNode):
         try:
             self._is_activated |= would_follow(deserialized(raw, String).data)
         except InputError as error:
-            self._refusals.add('controller/state', error)
+            self._rejected_messages.add('controller/state', error)
         if self._is_activated and self._origin is None:
             self.wait('a state of the robot (joint_states)')
 
@@ -113,7 +113,7 @@ class TrajectoryNode(SuiteNode):
             # What is sent ahead of it needs stamps too.
             checked_stamp(stamp + self._ahead_ns)
         except InputError as error:
-            self._refusals.add('odom or joint_states', error)
+            self._rejected_messages.add('odom or joint_states', error)
             return
         if self._origin is None and not self._is_activated:
             return
