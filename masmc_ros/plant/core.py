@@ -187,7 +187,7 @@ class PlantCore(ABC):
     def step_refusal(self) -> str:
         """Return why a single step is impossible; empty if it is possible."""
         if not self.has_started:
-            return 'the run has not begun; call again when it has'
+            return 'the run has not started; call again after its start'
         return '' if self.is_paused else 'not paused; call pause with data true first'
 
     @abstractmethod

@@ -72,7 +72,7 @@ class TorqueOutput:
         self._send(self._effort.to_bytes(stamp))
 
     def send_void(self, stamp: int) -> None:
-        """Send a void command as the response to a state: drives hold zero velocity if they can."""
+        """Send a void command as the response to a state; drives then hold zero velocity."""
         self._send(self._void.to_bytes(stamp))
 
     def repeat(self) -> None:
