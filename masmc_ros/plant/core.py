@@ -29,13 +29,13 @@ Array = NDArray[np.float64]
 
 
 class Publish:
-    """Publish the present state of the robot."""
+    """Publish the current state of the robot."""
 
     __slots__ = ()
 
 
 class PublishAgain:
-    """Publish the last state once more."""
+    """Publish the last state again."""
 
     __slots__ = ()
 
@@ -47,7 +47,7 @@ class AwaitCommand(NamedTuple):
 
 
 class Done(NamedTuple):
-    """End the run, which had `ticks` ticks in `seconds` s: the last one has its command."""
+    """End the run after its last command: `ticks` ticks in `seconds` s."""
 
     ticks: int
     seconds: float
@@ -62,9 +62,7 @@ PUBLISH: Actions = (Publish(),)
 
 class PlantCore(ABC):
     """
-    Moves the robot by commands, one tick after the other.
-
-    The two pacings are `LockStep` and `RealTime`.
+    Base class of the two pacings, `LockStep` and `RealTime`: moves the robot by commands.
 
     Attributes
     ----------
@@ -79,7 +77,7 @@ class PlantCore(ABC):
     stamp
         Stamp of the last state in ns, -1 before the first.
     dropped
-        Number of commands that did not respond to the present state.
+        Number of commands that did not respond to the current state.
     is_paused
         True while the robot's time does not advance.
     has_started
@@ -149,7 +147,7 @@ class PlantCore(ABC):
         """Respond to the time; to be called every `timer_period`."""
 
     def on_due(self, now: float) -> Actions:
-        """Make one of the ticks that are due; to be called while `is_due` is True."""
+        """Compute one of the ticks that are due; to be called while `is_due` is True."""
         return NOTHING
 
     @property
@@ -163,8 +161,8 @@ class PlantCore(ABC):
         """Time in s between two calls of `on_timer`; a change of parameters may change it."""
 
     def on_recorded(self, stamp: int, now: float) -> Actions:
-        """Note the stamp in ns up to which a recorder has written."""
-        self.recorder.note(round(stamp / (1e9 * self._timing.period)), self.robot.tick, now)
+        """Process the report of a recorder: it has written all messages up to a stamp in ns."""
+        self.recorder.report(round(stamp / (1e9 * self._timing.period)), self.robot.tick, now)
         return NOTHING
 
     def on_parameters(self, now: float) -> Actions:
@@ -172,14 +170,14 @@ class PlantCore(ABC):
         return NOTHING
 
     def on_reset(self, now: float) -> Actions:
-        """Put the robot back to its initial state at t = 0 s."""
+        """Reset the robot to its initial state at t = 0 s."""
         self.robot.reset()
         self.commands.clear()
-        self.recorder.set_back()
+        self.recorder.restart()
         return self._publish() if self.has_started else NOTHING
 
     def on_pause(self, now: float, *, is_paused: bool) -> Actions:
-        """Let the robot's time stop, or advance again."""
+        """Pause the robot's time, or continue."""
         self.is_paused = is_paused
         self.commands.touch(now)
         return NOTHING

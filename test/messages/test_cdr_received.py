@@ -212,7 +212,7 @@ def test_efforts_that_are_unknown_are_zero() -> None:
     ('fields', 'expected'),
     [
         ({'name': list(JOINTS[:-1])}, "joint 'arm_joint_2' is missing"),
-        ({'name': [*JOINTS, 'arm_joint_1']}, "joint 'arm_joint_1' is given 2 times"),
+        ({'name': [*JOINTS, 'arm_joint_1']}, "joint 'arm_joint_1' appears 2 times"),
         ({'position': [0.0] * 6}, 'position has 6 numbers for 7 joints'),
         ({'velocity': []}, 'velocity is empty; set velocity_source to estimated'),
         ({'velocity': [0.0] * 3}, 'velocity has 3 numbers for 7 joints'),
@@ -237,7 +237,7 @@ def test_refused_joint_state(fields: dict[str, Any], expected: str) -> None:
 @pytest.mark.parametrize(
     ('data', 'expected'),
     [
-        ([1.0] * 4, '4 numbers; it takes 2, the rates of arm_joint_1, arm_joint_2'),
+        ([1.0] * 4, '4 numbers; expected 2, the rates of arm_joint_1, arm_joint_2'),
         ([1.0, np.nan], "rate of 'arm_joint_2' is not a finite"),
     ],
 )
@@ -257,8 +257,8 @@ def test_a_command_of_another_kind_is_another_layout() -> None:
 @pytest.mark.parametrize(
     ('data', 'expected'),
     [
-        ([1.0] * 3, '3 numbers; it takes 4'),
-        ([], '0 numbers; it takes 4'),
+        ([1.0] * 3, '3 numbers; expected 4'),
+        ([], '0 numbers; expected 4'),
         ([1.0, np.nan, 1.0, 1.0], "torque of 'wheel_left_joint' is not a finite"),
     ],
 )
@@ -299,7 +299,7 @@ def test_window_with_another_label_is_another_layout() -> None:
 @pytest.mark.parametrize(
     ('message', 'expected'),
     [
-        (array([1.0] * 5), 'a set-point of 5 numbers; it takes 4 positions, or 8'),
+        (array([1.0] * 5), 'a set-point of 5 numbers; expected 4 positions, or 8'),
         (array([1.0, np.nan, 1.0, 1.0]), 'number 1 is not finite'),
         (array([*HEAD, *[0.0] * 23], DIMENSIONS, 3), '26 numbers'),
         (array([0.0] * 24, DIMENSIONS, 0), 'data_offset 0'),

@@ -150,7 +150,7 @@ def test_every_sender_of_states_gets_the_same_torque(
 REFUSED = {
     'missing joint': (state([0, 1, 2, 3, 4, 5]), "'arm_joint_2' is missing"),
     'no joints': (JointState(), "'base_x_joint' is missing"),
-    'a joint twice': (state([0, 1, 2, 3, 4, 5, 6, 6]), "'arm_joint_2' is given 2 times"),
+    'a joint twice': (state([0, 1, 2, 3, 4, 5, 6, 6]), "'arm_joint_2' appears 2 times"),
     'short positions': (state(position=[0.0] * 6), 'position has 6 numbers for 7 joints'),
     'no velocities': (state(velocity=[]), 'set velocity_source to estimated'),
     'position not a number': (
@@ -321,8 +321,8 @@ def test_the_plant_takes_any_four_numbers_by_the_wall_clock(tmp_path: Path) -> N
         commands.publish(labelled.to_bytes())
         for bad, reason in (
             (Float64MultiArray(data=[1.0, math.nan, 1.0, 1.0]), "'wheel_left_joint' is not a"),
-            (Float64MultiArray(data=[1.0] * 3), '3 numbers; it takes 4'),
-            (Float64MultiArray(data=[1.0] * 7), '7 numbers; it takes 4'),
+            (Float64MultiArray(data=[1.0] * 3), '3 numbers; expected 4'),
+            (Float64MultiArray(data=[1.0] * 7), '7 numbers; expected 4'),
         ):
 
             def is_refused(bad: Float64MultiArray = bad, reason: str = reason) -> bool:

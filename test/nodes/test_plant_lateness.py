@@ -13,7 +13,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from masmc_ros.nodes.plant.health import PlantHealth
 from masmc_ros.nodes.process.diagnostics import Health, OK, WARN
 from masmc_ros.nodes.process.rejected_messages import RejectedMessages
-from masmc_ros.plant.lateness import BEARABLE_SHARE, Lateness
+from masmc_ros.plant.lateness import Lateness, TOLERATED_SHARE
 from processes import peer, processes, ros_arguments
 import pytest
 
@@ -31,7 +31,7 @@ def report(health: PlantHealth, ticks: int) -> Health:
 
 @pytest.mark.parametrize(('late', 'level'), [(0, OK), (2, OK), (3, WARN), (100, WARN)])
 def test_lateness_above_the_share_warns(late: int, level: bytes) -> None:
-    assert BEARABLE_SHARE == 0.02
+    assert TOLERATED_SHARE == 0.02
     lateness = Lateness(0.01)
     health = PlantHealth(0.01, lateness)
     for _ in range(100):
@@ -56,7 +56,7 @@ def test_lateness_states_the_time_given_up() -> None:
     for number in range(60):
         lateness.add_tick(is_older=number < 15)
     lateness.add_late(40)
-    lateness.add_given_up(40)
+    lateness.add_skipped(40)
     figures, warning = lateness.report(1.0)
     assert (figures[SHARE], figures[BEHIND], figures[OLDER]) == ('40.0', '0.400', '25.0')
     assert 'fell behind by 0.400 s' in warning

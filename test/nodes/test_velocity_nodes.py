@@ -262,8 +262,8 @@ def test_bad_messages_and_a_viewer(is_stamped: bool, tmp_path: Path) -> None:
         ):
             refused(run, twists, 'cmd_vel', bad, reason)
         for bad, reason in (
-            (Float64MultiArray(data=[0.0] * 4), '4 numbers; it takes 2'),
-            (Float64MultiArray(data=[]), '0 numbers; it takes 2'),
+            (Float64MultiArray(data=[0.0] * 4), '4 numbers; expected 2'),
+            (Float64MultiArray(data=[]), '0 numbers; expected 2'),
             (Float64MultiArray(data=[0.0, math.nan]), "'arm_joint_2' is not"),
             (nan_for_the_arm(), "the rate of 'arm_joint_2' is not a finite number"),
             (GARBAGE, '8 bytes that are no'),

@@ -291,7 +291,7 @@ class RosParameters:
         return SetParametersResult(successful=True)
 
     def _restore_types(self, changes: list[Any]) -> None:
-        """Restore the types in the descriptors, which rclpy has changed to those of the request."""
+        """Restore the types in the descriptors, which rclpy takes from rejected requests too."""
         for change in changes:
             if self._node.has_parameter(change.name):
                 current = self._node.get_parameter(change.name)
