@@ -277,7 +277,7 @@ class ControllerCore:
             return NOTHING
         self._missed = math.inf
         if self.supervisor.is_active:
-            self.supervisor.fail(STATES, f'no usable joint_states for {self._silence:g} s')
+            self.supervisor.fail(STATES, f'no usable joint_states for {self._state_timeout:g} s')
             self._publish_state()
         return self._lose_states(now)
 
@@ -288,7 +288,7 @@ class ControllerCore:
             return self._void_due
         if self._missed == self._watched:
             return self._second_look
-        return self._watched + self._silence
+        return self._watched + self._state_timeout
 
     def on_parameters(self, changed: Mapping[str, Any]) -> Actions:
         """Use checked values from the next tick on, as the controller does; record them."""
@@ -470,9 +470,9 @@ class ControllerCore:
         if reference is not None:
             if self._held_since is None:
                 self._held_since = now
-            patience = self.pacing.patience(self._values)
-            if now - self._held_since > patience:
-                self._fail(REFERENCE, f'{NO_REFERENCE} for {patience:g} s')
+            timeout = self.pacing.reference_timeout(self._values)
+            if now - self._held_since > timeout:
+                self._fail(REFERENCE, f'{NO_REFERENCE} for {timeout:g} s')
         return reference
 
     def _wait(self, stamp: int, position: Array, velocity: Array, reason: str) -> Actions:
@@ -704,7 +704,7 @@ class ControllerCore:
     def _set_pacing(self, pacing: Pacing) -> None:
         self.pacing = pacing
         self._order.gap_ns = pacing.gap_ns(self._values)
-        self._silence = pacing.silence(self._values)
+        self._state_timeout = pacing.state_timeout(self._values)
 
     def _check_reach(self, samples: Array) -> None:
         """Raise InputError for a position that the mechanism cannot reach."""

@@ -62,12 +62,12 @@ class Topic(NamedTuple):
 
 def _in_unit(signal: Signal) -> str:
     """Return ' in UNIT', or '' if the components have different units."""
-    components = {
-        'axes': DEFAULT.axes,
-        'joints': DEFAULT.joints,
-        'parameters': DEFAULT.theta,
-    }.get(str(signal.size), ())
-    units = {signal.unit_of(component.unit) for component in components}
+    component_units = {
+        'axes': [axis.unit for axis in DEFAULT.axes],
+        'joints': [joint.unit for joint in DEFAULT.joints],
+        'parameters': [parameter.unit for parameter in DEFAULT.theta],
+    }
+    units = set(map(signal.unit_of, component_units.get(str(signal.size), ())))
     return f' in {units.pop()}' if len(units) == 1 else ''
 
 

@@ -19,8 +19,8 @@ from masmc_ros.control.actions import Failure, Line, Wait
 from masmc_ros.errors import InputError
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.timing import Timing
-from masmc_ros.plant.commands import CommandPart, Commands
 from masmc_ros.plant.lateness import Lateness
+from masmc_ros.plant.latest_command import CommandPart, Commands
 from masmc_ros.plant.recorder_pace import RecorderPace
 import numpy as np
 from numpy.typing import NDArray

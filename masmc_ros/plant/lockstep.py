@@ -6,8 +6,8 @@
 from __future__ import annotations
 
 from masmc_ros.control.actions import Line, Wait
-from masmc_ros.plant.commands import CommandPart
 from masmc_ros.plant.core import Actions, Array, AwaitCommand, NOTHING, PlantCore
+from masmc_ros.plant.latest_command import CommandPart
 
 
 class LockStep(PlantCore):
@@ -44,7 +44,7 @@ class LockStep(PlantCore):
         # The patience counts from the start of the wait: in a slow run the last report is older.
         if self._waiting_since is None:
             self._waiting_since = now
-        if not self.recorder.is_silent(self._waiting_since, now):
+        if not self.recorder.is_overdue(self._waiting_since, now):
             return (Wait('the recorder (recorder/progress)'),)
         self.recorder.give_up()
         line = Line('warning', 'the recorder does not respond; the run continues without it')

@@ -54,7 +54,7 @@ class RecorderPace:
         """Return True if a tick has to wait for the recorder."""
         return self._reached is not None and tick - self._reached > _MAX_LEAD
 
-    def is_silent(self, since: float, now: float) -> bool:
+    def is_overdue(self, since: float, now: float) -> bool:
         """Return True if a wait from `since` on was too long without a report."""
         return now - max(since, self._reported) >= _PATIENCE
 

@@ -141,7 +141,7 @@ class ControllerNode(SuiteNode):
         self.wait('the plant (joint_states)')
 
     def close(self, spin: Callable[[], None]) -> None:
-        """End the torque in real time, deliver what was published, and stop compiling."""
+        """Send a void command in real time, deliver all messages, and stop compiling."""
         if self._preparation is not None:
             self._preparation.kill()
             self._preparation.wait()

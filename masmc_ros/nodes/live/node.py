@@ -32,10 +32,10 @@ from masmc_ros.messages.topics import (
     TOPICS,
     TRANSFORMS,
 )
-from masmc_ros.nodes.live.parameters import LiveParameters
 from masmc_ros.nodes.live.samples import Samples
 from masmc_ros.nodes.live.server import LiveServer
 from masmc_ros.nodes.live.state_transforms import StateTransforms
+from masmc_ros.nodes.live.viewer_parameters import LiveParameters
 from masmc_ros.nodes.middleware.messages import message_class
 from masmc_ros.nodes.middleware.past import subscribe_with_past
 from masmc_ros.nodes.middleware.qos import DEEP, subscription_qos

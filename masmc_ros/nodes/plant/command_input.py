@@ -16,7 +16,7 @@ from masmc_ros.messages.names import ARM_VELOCITY_TOPIC, CMD_VEL_TOPIC, COMMAND_
 from masmc_ros.nodes.middleware.past import subscribe_with_past
 from masmc_ros.nodes.plant.command_sources import rate_sources, Source, torque_sources
 from masmc_ros.nodes.process.rejected_messages import RejectedMessages
-from masmc_ros.plant.commands import Array, CommandPart
+from masmc_ros.plant.latest_command import Array, CommandPart
 from masmc_ros.robot.names import driven_joint_names
 from masmc_ros.robot.registry import chosen
 from rclpy.node import Node

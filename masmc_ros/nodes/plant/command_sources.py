@@ -18,7 +18,7 @@ from masmc_ros.messages.platform_motion import twist_numbers, TwistCdr, TwistSta
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.messages.topics import FLOAT_ARRAY, TWIST, TWIST_STAMPED
 from masmc_ros.nodes.middleware.messages import deserialized
-from masmc_ros.plant.commands import Array, CommandPart
+from masmc_ros.plant.latest_command import Array, CommandPart
 from masmc_ros.robot.declaration import Velocity
 import numpy as np
 from std_msgs.msg import Float64MultiArray

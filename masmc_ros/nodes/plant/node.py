@@ -26,7 +26,6 @@ from masmc_ros.nodes.process.command_line import CommandLine
 from masmc_ros.nodes.process.diagnostics import Health, publish_health
 from masmc_ros.nodes.process.rejected_messages import RejectedMessages
 from masmc_ros.nodes.process.runtime import run
-from masmc_ros.plant.commands import Array, CommandPart, Commands
 from masmc_ros.plant.core import (
     Actions,
     AwaitCommand,
@@ -35,6 +34,7 @@ from masmc_ros.plant.core import (
     Publish,
     PublishAgain,
 )
+from masmc_ros.plant.latest_command import Array, CommandPart, Commands
 from masmc_ros.plant.lockstep import LockStep
 from masmc_ros.plant.real_time import RealTime
 import numpy as np

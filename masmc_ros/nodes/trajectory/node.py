@@ -156,7 +156,7 @@ class TrajectoryNode(SuiteNode):
             self._paths.publish(path)
         return origin
 
-    def _send_until(self, tick: int, now: int) -> None:
+    def _send_until(self, tick: int, current_stamp: int) -> None:
         last = self._timing.last
         while self._next <= (tick if last is None else min(tick, last)):
             count = self._window if last is None else min(self._window, last + 1 - self._next)
@@ -168,7 +168,7 @@ class TrajectoryNode(SuiteNode):
             start = self._timing.stamp(self._next) + (self._origin or 0)
             window = ReferenceWindow(start, self._timing.period, samples)
             self._publisher.publish(window.to_bytes())
-            piece = self._path.piece(now, start, samples) if last is None else None
+            piece = self._path.piece(current_stamp, start, samples) if last is None else None
             if piece is not None:
                 self._paths.publish(piece)
             self._next += count
