@@ -42,8 +42,12 @@ class RealTime(PlantCore):
 
         Parameters
         ----------
-        robot, timing, values, commands
-            As of `PlantCore`.
+        robot, commands
+            Parts that belong to the core from now on.
+        timing
+            Control period and number of ticks of the run.
+        values
+            Checked parameter values of the plant; changes of live ones appear here.
         waits
             True if time starts with the first command.
 

@@ -24,7 +24,7 @@ class RecorderPace:
 
     @property
     def is_there(self) -> bool:
-        """Return True if a recorder has reported and was not given up."""
+        """Return True if a recorder has reported and is not ignored since then."""
         return self._reached is not None
 
     def report(self, reached: int, tick: int, now: float) -> None:
