@@ -41,13 +41,13 @@ class StopCommand(Command):
 
 
 class Void(Command):
-    """Send a void command as the response to a state: nothing is commanded."""
+    """Send a void command as the response to a state."""
 
     __slots__ = ()
 
 
 class Halt(Command):
-    """Send a void command at once, labelled with the last state, which has its response."""
+    """Send a void command at once, labelled with the last state, which already has a response."""
 
     __slots__ = ()
 
@@ -95,7 +95,7 @@ class Line(NamedTuple):
 
 
 class Wait(NamedTuple):
-    """Report after some time what the controller waits for; None for nothing."""
+    """Report the reason of a long wait; None ends the wait."""
 
     reason: str | None
 

@@ -145,7 +145,7 @@ class ControllerCore:
         )
         self.counts = Counts()
         self.arrival = math.inf
-        # Time from which the silence of the robot counts: an arrival, or an activation.
+        # Start of the state timeout: the last arrival or activation.
         self._watched = math.inf
         self._approach, self._layer = approach, layer
         self._stop = SafeStop(controller)
@@ -194,8 +194,8 @@ class ControllerCore:
 
     # Events.
 
-    def begin(self) -> Actions:
-        """Publish the state at the start."""
+    def start(self) -> Actions:
+        """Publish the state of the controller for the first time."""
         return self._after_change(0.0)
 
     def on_state(self, stamp: int, position: Array, velocity: Array, now: float) -> Actions:
@@ -214,7 +214,7 @@ class ControllerCore:
         """
         order = self._order.judge(stamp)
         if order is Order.LATE:
-            # It says nothing about the present, nor does a repetition of the state before it.
+            # Neither this state nor a later repetition of the last one shows that the robot runs.
             self.counts.late += 1
             self._is_confused = True
             return NOTHING
@@ -248,7 +248,7 @@ class ControllerCore:
         ------
         InputError
             If it is not finite, has a wrong size or is out of reach, or if it is a set-point
-            next to a trajectory that runs.
+            while a trajectory runs.
 
         """
         samples = window.samples.reshape(len(window.samples), -1)
@@ -267,7 +267,7 @@ class ControllerCore:
             self._void_due = math.inf
             self._stop.release()
             assert self._order.last is not None
-            # The silence may be due as well, of a law that was enabled meanwhile.
+            # The state timeout of a law that was enabled meanwhile may be due as well.
             return (Halt(self._order.last), *self.on_timer(now))
         if self._missed != self._watched:
             # A controller that was late itself first processes the states in its queue.
@@ -275,7 +275,7 @@ class ControllerCore:
             return NOTHING
         self._missed = math.inf
         if self.supervisor.is_active:
-            self.supervisor.fail(STATES, f'no usable joint_states for {self._silence:g} s')
+            self.supervisor.fail(STATES, f'no usable joint_states for {self._state_timeout:g} s')
             self._publish_state()
         return self._lose_states(now)
 
@@ -286,14 +286,14 @@ class ControllerCore:
             return self._void_due
         if self._missed == self._watched:
             return self._second_look
-        return self._watched + self._silence
+        return self._watched + self._state_timeout
 
     def on_parameters(self, changed: Mapping[str, Any]) -> Actions:
-        """Use checked values, which the controller has, from the next tick on; record them."""
+        """Use checked values from the next tick on, as the controller does; record them."""
         self._values.update(changed)
         self._queue_record(changed=tuple(changed))
         self._set_pacing(self.pacing)
-        self._layer.begin()
+        self._layer.restart()
         self._watch.restart()
         return NOTHING
 
@@ -337,7 +337,7 @@ class ControllerCore:
             self._velocity[:] = signals['velocity'][:, 0]
         if self._order.last is not None and self._was_computed and not self.supervisor.is_active:
             self._halt()
-        return self._taken()
+        return self._take_more()
 
     def on_enable(self, now: float, *, enabled: bool) -> Actions:
         """Activate the law, or end it by the safe stop."""
@@ -382,7 +382,7 @@ class ControllerCore:
         return NOTHING
 
     def on_shutdown(self) -> Actions:
-        """Command nothing, as the last action of a controller that ends in real time."""
+        """Send a void command as the last action of a controller in real time."""
         if not self.pacing.is_timed or self._order.last is None:
             return NOTHING
         self._stop.release()
@@ -397,12 +397,12 @@ class ControllerCore:
         reference = self.windows.at(stamp)
         if reference is not None:
             self._held_since = None
-            if not supervisor.is_active and supervisor.recover(REFERENCE, is_anew=True):
+            if not supervisor.is_active and supervisor.recover(REFERENCE, is_restart=True):
                 self._publish_state()
         elif supervisor.is_active:
             reference = self._held(stamp, now)
         else:
-            # The patience for a reference that ended counts from an activation on.
+            # The timeout of a reference that has ended starts with an activation.
             self._held_since = None
         if supervisor.is_active:
             if reference is None:
@@ -417,7 +417,7 @@ class ControllerCore:
             if is_ordinary or not self._unfolds(stamp, position, velocity):
                 error = self._compute(stamp, position, velocity, reference, now)
             if error is not None:
-                return (*self._taken(), Failure(error))
+                return (*self._take_more(), Failure(error))
         self._pending = None
         if self._is_waiting:
             self._is_waiting = False
@@ -458,7 +458,7 @@ class ControllerCore:
             stamp == self._last_stamp or self.pacing.is_near(self._pending_order)
         )
         end = (Finish(),) if is_last else NOTHING
-        return (*self._taken(), *actions, *records, *end)
+        return (*self._take_more(), *actions, *records, *end)
 
     def _held(self, stamp: int, now: float) -> Array | None:
         """Return the last position of a reference that ended; raise a fault after a time."""
@@ -468,9 +468,9 @@ class ControllerCore:
         if reference is not None:
             if self._held_since is None:
                 self._held_since = now
-            patience = self.pacing.patience(self._values)
-            if now - self._held_since > patience:
-                self._fail(REFERENCE, f'{NO_REFERENCE} for {patience:g} s')
+            timeout = self.pacing.reference_timeout(self._values)
+            if now - self._held_since > timeout:
+                self._fail(REFERENCE, f'{NO_REFERENCE} for {timeout:g} s')
         return reference
 
     def _wait(self, stamp: int, position: Array, velocity: Array, reason: str) -> Actions:
@@ -485,10 +485,10 @@ class ControllerCore:
             self._halted = stamp
             self._halt()
             self._approach.begin()
-        return self._taken()
+        return self._take_more()
 
     def _unfolds(self, stamp: int, position: Array, velocity: Array) -> bool:
-        """Move from a singular posture to a regular one before the law starts; False if it can."""
+        """Leave a singular posture before the law starts; False if the posture is regular."""
         if not self._is_unfolding:
             if not (
                 self.pacing.approaches(was_off=self._was_computed is False)
@@ -559,7 +559,7 @@ class ControllerCore:
         if is_singular != self._was_singular:
             self._was_singular = is_singular
             self._log_singularity(stamp, is_singular=is_singular)
-        # An error that ended the run stays its end.
+        # An error that has ended the run is returned again.
         return self._error
 
     def _skip_ticks(self, stamp: int, position: Array, now: float) -> None:
@@ -570,7 +570,7 @@ class ControllerCore:
             self.controller.skip(skipped)
             self._watch.skip(skipped)
             self.counts.skipped += skipped
-        line = self._layer.held(max(skipped, 0) + 1, position, now)
+        line = self._layer.check(max(skipped, 0) + 1, position, now)
         if line is not None:
             self._more.append(Line('warning', line))
 
@@ -605,11 +605,11 @@ class ControllerCore:
         self._more.append(HaltCommand(stamp) if commands else Halt(stamp))
 
     def _lose_states(self, now: float) -> Actions:
-        """Command the last gravity torque for a short time, then nothing."""
+        """Command the last gravity torque for a short time, then send a void command."""
         if self._pending is not None:
             actions = self._respond_to_pending(now)
         elif self._order.last is None:
-            return self._taken()
+            return self._take_more()
         else:
             stamp = self._order.last
             if self._was_computed is not False:
@@ -619,7 +619,7 @@ class ControllerCore:
             self._stop.start(action, stamp, self._position, self._velocity)
             commands = self._stop.update(stamp, self._position, self._velocity)
             self._more.append(HaltCommand(stamp) if commands else Halt(stamp))
-            actions = self._taken()
+            actions = self._take_more()
         self._is_stale = True
         if self._stop.commands:
             self._void_due = now + BALANCE_TIME
@@ -636,12 +636,12 @@ class ControllerCore:
         """
         Return True if a repeated state shows that the robot is alive.
 
-        A paused plant repeats its state. A driver that does so has stopped measuring.
+        A paused plant repeats its state. A robot driver that repeats it has stopped measuring.
         """
         return not self._is_confused and (self._has_plant or not self.pacing.is_timed)
 
     def _recover_states(self) -> None:
-        if self.supervisor.recover(STATES, is_anew=False):
+        if self.supervisor.recover(STATES, is_restart=False):
             self._publish_state()
 
     def _lacks_states(self) -> bool:
@@ -654,7 +654,7 @@ class ControllerCore:
             text = 'time was set back; the controller restarts'
             self._more.append(Line('info', text))
             if not self.pacing.is_timed:
-                # The run restarts, with a robot that this controller has not moved.
+                # In the restarted run this controller has not moved the robot yet.
                 self._computed, self._has_guided = None, False
         else:
             self.counts.gaps += 1
@@ -671,12 +671,12 @@ class ControllerCore:
         was_active = self._published == ACTIVE
         self._publish_state()
         if self.supervisor.is_active or not (was_active or self._pending is not None):
-            return self._taken()
+            return self._take_more()
         if self._pending is not None:
             return self._respond_to_pending(now)
         if self.pacing.is_timed and self._order.last is not None:
             self._halt()
-        return self._taken()
+        return self._take_more()
 
     def _publish_state(self) -> None:
         text = self.supervisor.text
@@ -694,7 +694,7 @@ class ControllerCore:
         """Queue a record, to be published with the next response."""
         self._unpublished.append((dict(self._values), changed, event))
 
-    def _taken(self) -> Actions:
+    def _take_more(self) -> Actions:
         more = tuple(self._more)
         self._more.clear()
         return more
@@ -702,18 +702,19 @@ class ControllerCore:
     def _set_pacing(self, pacing: Pacing) -> None:
         self.pacing = pacing
         self._order.gap_ns = pacing.gap_ns(self._values)
-        self._silence = pacing.silence(self._values)
+        self._state_timeout = pacing.state_timeout(self._values)
 
     def _check_reach(self, samples: Array) -> None:
         """Raise InputError for a position that the mechanism cannot reach."""
         mechanism, axes = self.controller.mechanism, len(self.controller.mechanism.axes)
         if samples.shape[1] < axes or not np.isfinite(samples).all():
             return
-        found = mechanism.formulas.out_of_reach(
+        unreachable = mechanism.formulas.out_of_reach(
             self.controller.robot.geometry, np.ascontiguousarray(samples[:, :axes])
         )
-        if found is not None:
-            raise InputError(f'reference: sample {found[0]} cannot be reached: {found[1]}')
+        if unreachable is not None:
+            sample, reason = unreachable
+            raise InputError(f'reference: sample {sample} cannot be reached: {reason}')
 
     def _log_singularity(self, stamp: int, *, is_singular: bool) -> None:
         mechanism = self.controller.mechanism

@@ -20,39 +20,46 @@ _QUIET = 5.0
 
 
 class LayerWatch:
-    """Looks at the law where a torque is held for longer than any before."""
+    """Comparison of the longest hold of a torque with the limit of the law."""
 
     def __init__(self, controller: Controller) -> None:
-        """Take the controller."""
+        """Initialise with the controller, and compile the kernels."""
         self._controller = controller
         self._throttle = Throttle(_QUIET)
-        self._most = 0
-        # To no consequence: what it takes is compiled here.
+        self._longest = 0
         self._least_inertia(controller.nominal, np.ones(len(controller.mechanism.positions)))
 
     def _least_inertia(self, theta: Any, position: Any) -> float:
         robot = self._controller.robot
         return least_task_inertia(robot.mechanism, theta, robot.geometry, position)
 
-    def begin(self) -> None:
-        """Restart: the law has changed."""
-        self._most = 0
+    def restart(self) -> None:
+        """Restart after a change of the law."""
+        self._longest = 0
 
-    def held(self, periods: int, position: Any, now: float) -> str | None:
+    def check(self, periods: int, position: Any, now: float) -> str | None:
         """
-        Note that the last torque was held for so many periods; return a warning if too long.
+        Return a warning if the last torque was held for too long, otherwise None.
 
-        `position` is where the robot is at a time `now` in s. Only the longest so far costs time.
+        Only a hold that is longer than all previous ones takes computing time.
+
+        Parameters
+        ----------
+        periods
+            Number of periods for which the torque was held.
+        position
+            State (positions) of the robot.
+        now
+            Time in s.
+
         """
-        if periods <= self._most:
+        if periods <= self._longest:
             return None
-        line = self._warning(periods * self._controller.period, position)
-        if line is None:
-            self._most = periods
-        elif self._throttle.is_due('hold', now):
-            self._most = periods
-            return line
-        return None
+        warning = self._warning(periods * self._controller.period, position)
+        if warning is not None and not self._throttle.is_due('hold', now):
+            return None
+        self._longest = periods
+        return warning
 
     def _warning(self, hold: float, position: Any) -> str | None:
         controller, values = self._controller, self._controller.values
@@ -73,6 +80,6 @@ class LayerWatch:
             )
         return (
             f'a torque was held for {1e3 * hold:.3g} ms; {values["switching"]} with '
-            f'boundary_layer {layer:g} is stable up to {1e3 * longest:.2g} ms: expected a machine '
-            f'that keeps up, {thicker}switching implicit'
+            f'boundary_layer {layer:g} is stable up to {1e3 * longest:.2g} ms: use a faster '
+            f'machine, {thicker}switching implicit'
         )

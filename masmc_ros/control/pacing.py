@@ -36,10 +36,10 @@ class Pacing(Protocol):
     def gap_ns(self, values: Values) -> int | None:
         """Return the longest ordinary interval in ns between two states; None: no limit."""
 
-    def silence(self, values: Values) -> float:
+    def state_timeout(self, values: Values) -> float:
         """Return the time in s without a state after which a fault is raised."""
 
-    def patience(self, values: Values) -> float:
+    def reference_timeout(self, values: Values) -> float:
         """Return the time in s after the end of the reference until a fault is raised."""
 
     def is_near(self, order: Order) -> bool:
@@ -65,11 +65,11 @@ class LockStep:
         """Return None: no state is missing."""
         return None
 
-    def silence(self, values: Values) -> float:
+    def state_timeout(self, values: Values) -> float:
         """Return infinity: a plant that waits for a command sends no state."""
         return math.inf
 
-    def patience(self, values: Values) -> float:
+    def reference_timeout(self, values: Values) -> float:
         """Return infinity: the reference will arrive."""
         return math.inf
 
@@ -102,11 +102,11 @@ class RealTime:
         """Return `state_timeout`."""
         return round(1e9 * state_timeout(values))
 
-    def silence(self, values: Values) -> float:
+    def state_timeout(self, values: Values) -> float:
         """Return `state_timeout`."""
         return state_timeout(values)
 
-    def patience(self, values: Values) -> float:
+    def reference_timeout(self, values: Values) -> float:
         """Return `reference_timeout`; infinity if that is 0."""
         return values['reference_timeout'] or math.inf
 

@@ -13,26 +13,36 @@ import numpy as np
 from numpy.typing import NDArray
 
 _CONFIRMED = 3
-"""States in a row that must be older before time is taken to have been set back."""
+"""Number of consecutive older states after which time was set back."""
 
-_FEWEST_PERIODS = 5
-"""Control periods that the state timeout is at least."""
+_MIN_PERIODS = 5
+"""Smallest state timeout in control periods; with a shorter one every state could be late."""
 
 
 def state_timeout(values: Mapping[str, Any]) -> float:
-    """Return that of a controller's parameters, in s; five periods, lest every state is late."""
-    least: float = _FEWEST_PERIODS * values['control_period']
-    return max(values['state_timeout'], least)
+    """Return the state timeout of a controller's parameters in s, at least five periods."""
+    minimum: float = _MIN_PERIODS * values['control_period']
+    return max(values['state_timeout'], minimum)
 
 
 def in_time(stamps: NDArray[np.int64], gap_ns: int | None) -> NDArray[np.intp]:
-    """Return which of the states of stamps (n) in ns, in order of arrival, are not late."""
+    """
+    Return the indices of the states that are not late.
+
+    Parameters
+    ----------
+    stamps
+        Stamps (n) of the states in ns, in order of arrival.
+    gap_ns
+        Longest ordinary interval in ns between two states; None: lock-step.
+
+    """
     order = StampOrder()
     order.gap_ns = gap_ns
     if gap_ns is None or not (np.diff(stamps) < 0).any():
         return np.arange(len(stamps))
-    judged = map(order.judge, stamps.tolist())
-    return np.flatnonzero([each is not Order.LATE for each in judged])
+    orders = map(order.judge, stamps.tolist())
+    return np.flatnonzero([order is not Order.LATE for order in orders])
 
 
 class Order(Enum):
@@ -41,33 +51,38 @@ class Order(Enum):
     NEXT = 'next'
     REPEATED = 'repeated'
     LATE = 'late'
-    """Older than one that was answered: out of order or on its way for long."""
+    """Older than a state with a response: out of order, or delayed by the network."""
     AHEAD = 'ahead'
     """Far ahead: states were lost, or a clock was set forward."""
     BACK = 'back'
-    """Time was set back: the robot started again, or a clock was set."""
+    """Time was set back: the robot was restarted, or a clock was set."""
 
 
 class StampOrder:
     """
-    Judges the stamps of states as they come.
+    Order of the stamps of received states.
 
-    In lock-step every state waits for its answer: an older stamp then always tells that the
-    robot was set back. In real time messages may come late and out of order, and an older
-    stamp means that time was set back only when it is older by more than `gap_ns`, or when a
-    third one in a row is, ascending.
+    In lock-step every state waits for its command, so an older stamp always means that time was
+    set back. In real time messages may be late or out of order. An older stamp then means this
+    only if it is older by more than `gap_ns`, or if it is the third of ascending older stamps.
+
+    Attributes
+    ----------
+    gap_ns
+        Longest ordinary interval in ns between two states; None: lock-step.
+    last
+        Latest stamp in ns that gets a response; None before the first one.
+
     """
 
     def __init__(self) -> None:
-        """Start without a stamp, for lock-step."""
+        """Initialise without a stamp, for lock-step."""
         self.gap_ns: int | None = None
-        """Longest ordinary distance in ns between two states; None: lock-step."""
         self.last: int | None = None
-        """The latest stamp in ns that was to be answered."""
         self._older: list[int] = []
 
     def judge(self, stamp: int) -> Order:
-        """Return the order of a stamp in ns, and note the stamp unless it is late or repeated."""
+        """Return the order of a stamp in ns; keep the stamp unless it is late or repeated."""
         last = self.last
         if last is None or stamp > last:
             self.last = stamp

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Whether the controller may move the robot: inactive, active, or in a fault with a reason."""
+"""Mode of the controller: inactive, active, or in a fault with a reason."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ NO_REFERENCE = 'no reference'
 
 def would_follow(text: str) -> bool:
     """
-    Return True if a controller in the state of this text follows its reference.
+    Return True if a controller in the state of this text follows a new reference.
 
-    One in the fault that a reference ends does: it becomes active by one alone.
+    A controller in the fault of a missing reference becomes active when one arrives.
     """
     return text == ACTIVE or text.startswith(f'{FAULT}: {NO_REFERENCE}')
 
@@ -59,21 +59,21 @@ class Supervisor:
 
     @property
     def text(self) -> str:
-        """Return the state and, where it is not active, the reason: `fault: emergency stop`."""
+        """Return the state and, if it is not active, the reason: `fault: emergency stop`."""
         return f'{self.state}: {self.reason}' if self.reason else self.state
 
     def enable(self) -> None:
-        """Become active from any state; every fault is cleared."""
+        """Change to active from any state; clear every fault."""
         if self.state != ACTIVE:
             self._enter(ACTIVE)
             self.activations += 1
 
     def disable(self) -> None:
-        """Become inactive from any state; a fault is forgotten."""
+        """Change to inactive from any state; clear every fault."""
         self._enter(INACTIVE, 'disabled')
 
     def guide(self) -> None:
-        """Let a hand guide the arm; the caller has checked that there is no fault."""
+        """Change to hand guiding; the caller has checked that there is no fault."""
         self._enter(INACTIVE, _GUIDED)
 
     @property
@@ -82,11 +82,11 @@ class Supervisor:
         return self.state == INACTIVE and self.reason == _GUIDED
 
     def stop(self) -> None:
-        """Stop at once, from any state, until it is enabled or the fault is cleared."""
+        """Change to the latched fault of an emergency stop, from any state."""
         self.fail('emergency stop', 'emergency stop', is_latched=True)
 
     def clear(self) -> bool:
-        """Leave a fault for `inactive`; False where there is none."""
+        """Change from a fault to inactive; return False if there is no fault."""
         if self.state != FAULT:
             return False
         self._enter(INACTIVE, 'a fault was cleared')
@@ -94,26 +94,36 @@ class Supervisor:
 
     def fail(self, cause: str, reason: str, *, is_latched: bool = False) -> bool:
         """
-        Note a fault; return True if the state changes.
+        Change to a fault if it has an effect in the present state; return True then.
 
-        A passing fault counts only where the controller is active; a latched one counts
-        in all states except another latched fault, whose reason stays.
+        Only an active controller has a passing fault. A latched fault takes effect in all states
+        except another latched fault, whose reason stays.
+
+        Parameters
+        ----------
+        cause
+            Kind of the fault.
+        reason
+            Reason in one line.
+        is_latched
+            True if the fault stays until it is cleared.
+
         """
-        counts = (self.state != FAULT or not self.is_latched) if is_latched else self.is_active
-        if counts:
+        has_effect = (self.state != FAULT or not self.is_latched) if is_latched else self.is_active
+        if has_effect:
             self._enter(FAULT, reason, cause, is_latched=is_latched)
-        return counts
+        return has_effect
 
-    def recover(self, cause: str, *, is_anew: bool) -> bool:
+    def recover(self, cause: str, *, is_restart: bool) -> bool:
         """
-        Become active again after a passing fault of this cause; return True then.
+        Change to active after a passing fault of this cause; return True then.
 
-        `is_anew`: True for an activation, False to continue after the interruption.
+        `is_restart`: True for an activation, False to continue after the interruption.
         """
         if self.state != FAULT or self.is_latched or self.cause != cause:
             return False
         self._enter(ACTIVE)
-        self.activations += is_anew
+        self.activations += is_restart
         return True
 
     def _enter(

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-What travels: the messages of the suite as raw CDR, and the topics that carry them; no ROS.
+Messages of the suite as raw CDR, and their topics, without ROS.
 
-Fixed layouts that are filled, not serialised. Each class keeps its bytes where the numbers are
-float64 views into them; `load` takes over a received message, or tells by False that it is of
-another layout. For those, a full deserialiser makes a message that `load_message` or
-`from_message` reads: joints by name, labels as they come.
+The messages have fixed layouts and are filled in place instead of serialised: numbers are float64
+views into the bytes. `load` reads a received message and returns False for another layout. Such
+messages are deserialised by rclpy for `load_message` or `from_message`, which read joints by name
+and accept any labels.
 """

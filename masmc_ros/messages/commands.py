@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Commands for joints, torques or rates: numbers, with the stamp of the state that they answer.
+Commands for joints, torques or velocities, with the stamp of the state to which they respond.
 
-A void command answers a state and commands nothing. It is laid out like any other: as many
-zeros, which whoever looks no further takes for the command, before a `data_offset` that says
-that all of them are padding.
+A void command responds to a state without a torque or velocity. Its layout is that of other
+commands, with zeros and a `data_offset` that marks all of them as padding. A receiver that ignores
+`data_offset` reads zeros.
 """
 
 from __future__ import annotations
@@ -41,19 +41,19 @@ _SECOND_DIGITS = 10
 _STAMP_LENGTHS = range(len('0.0'), _SECOND_DIGITS + len('.') + NANOSECOND_DIGITS + 1)
 
 _SHORTEST = len('0.') + NANOSECOND_DIGITS
-"""Characters of a stamp that compiled code reads: to the nanosecond."""
+"""Smallest number of characters of a stamp that compiled code reads: to the nanosecond."""
 
 
 class CommandMessages(NamedTuple):
     """
-    Commands whose labels are equally long.
+    Commands with labels of equal length.
 
     Attributes
     ----------
     indices
-        (n) which of the given commands they are.
+        Indices (n) of these commands among all commands.
     messages
-        (n) as they are sent.
+        Serialised messages (n).
 
     """
 
@@ -63,36 +63,36 @@ class CommandMessages(NamedTuple):
 
 class CommandKind:
     """
-    What commands of one topic are, and the layouts that they come in.
+    Kind of the commands of one topic, with their layouts.
 
     Attributes
     ----------
-    what
-        what a command is called.
+    name
+        Name of a command in error messages.
     joints
-        that it is for, in order.
+        Names of the joints, in the order of the numbers.
     quantity
-        what each number is, such as `torque`.
+        Quantity of each number, such as `torque`.
     prefix
-        of its label, before the stamp.
+        Start of the label, before the stamp.
 
     """
 
-    def __init__(self, what: str, quantity: str, prefix: str, joints: Sequence[str]) -> None:
-        """Name a kind of command; see the attributes."""
-        self.what, self.quantity, self.prefix = what, quantity, prefix
+    def __init__(self, name: str, quantity: str, prefix: str, joints: Sequence[str]) -> None:
+        """Initialise the kind with its attributes, without layouts."""
+        self.name, self.quantity, self.prefix = name, quantity, prefix
         self.joints = tuple(joints)
         self._label = re.compile(re.escape(prefix) + r'(\d+)\.(\d{1,9})', re.ASCII)
         self._layouts: dict[int, Layout] = {}
 
     def named(self, joints: Sequence[str]) -> CommandKind:
-        """Return the same kind for joints of other names."""
+        """Return the same kind with other joint names."""
         if tuple(joints) == self.joints:
             return self
-        return CommandKind(self.what, self.quantity, self.prefix, joints)
+        return CommandKind(self.name, self.quantity, self.prefix, joints)
 
     def layout(self, characters: int) -> Layout:
-        """Return the layout of a command with so many characters after the prefix."""
+        """Return the layout of a command with this number of characters after the prefix."""
         layout = self._layouts.get(characters)
         if layout is None:
             layout = labelled_layout(self.prefix, characters, len(self.joints))
@@ -103,16 +103,16 @@ class CommandKind:
         self, stamps: NDArray[np.int64], numbers: ArrayLike, is_void: ArrayLike = False
     ) -> list[CommandMessages]:
         """
-        Return many commands, one group for each number of digits of the seconds.
+        Return many commands, grouped by the number of digits of the seconds.
 
         Parameters
         ----------
         stamps
-            (N) of the states that they answer, in ns, not negative.
+            Stamps (N) of the states in ns, not negative.
         numbers
-            (N, n), one for each joint.
+            Numbers (N, n), one for each joint.
         is_void
-            (N) or for all, whether they command nothing.
+            True for void commands, (N) or one for all.
 
         """
         numbers = np.asarray(numbers)
@@ -145,7 +145,15 @@ class CommandKind:
         """
         Return the stamp in ns on the label of a serialised message of any number of joints.
 
-        None without a label of this kind; InputError as `label_stamp`.
+        Returns
+        -------
+            None without a label of this kind.
+
+        Raises
+        ------
+        InputError
+            As `label_stamp`.
+
         """
         size = int.from_bytes(raw[_LABEL.start - 4:_LABEL.start], 'little')
         label = raw[_LABEL.start:_LABEL.start + size - 1] if any(raw[_DIMENSIONS]) else b''
@@ -158,7 +166,7 @@ class CommandKind:
         Raises
         ------
         InputError
-            If the label has the prefix of this kind and no stamp, or one that is not a time.
+            If the label has the prefix of this kind and no valid stamp.
 
         """
         dimensions = message.layout.dim
@@ -170,14 +178,14 @@ class CommandKind:
         match = self._label.fullmatch(label)
         if match is None:
             expected = f'{self.prefix}SECONDS.NANOSECONDS'
-            raise InputError(f"{self.what}: label '{label}' is not {expected}")
+            raise InputError(f"{self.name}: label '{label}' is not {expected}")
         if len(match[1]) > _SECOND_DIGITS:
-            raise InputError(f"{self.what}: label '{label[:40]}' is beyond 2**31 s")
+            raise InputError(f"{self.name}: label '{label[:40]}' is beyond 2**31 s")
         return checked_stamp(int(match[1]) * NANOSECONDS + int(match[2]))
 
 
 def _digits(numbers: NDArray[np.int64], count: int) -> NDArray[np.uint8]:
-    """Return `numbers` (N) as `count` characters each, (N, count)."""
+    """Return the decimal digits (N, count) of numbers (N)."""
     powers = 10 ** np.arange(count - 1, -1, -1)
     return (numbers[:, None] // powers % 10 + ord('0')).astype(np.uint8)
 
@@ -216,7 +224,7 @@ class CommandWriter:
         self._write = bound(write_command, 0, numbers, self._places, self._message)
 
     def to_bytes(self, stamp_ns: int) -> bytes:
-        """Return the message that answers the state of a stamp in ns."""
+        """Return the message of the response to the state of a stamp in ns."""
         if not self._first <= stamp_ns < self._end:
             self._prepare(stamp_ns)
         self._write(stamp_ns, self._numbers, self._places, self._message)
@@ -245,15 +253,15 @@ class LabelledCdr:
     data
         A number for each joint of the kind.
     stamp_ns
-        Stamp in ns of the state that the command answers; None for a received command
+        Stamp in ns of the state to which the command responds; None for a received command
         without a label.
     is_void
-        True if the command commands nothing.
+        True for a void command.
 
     """
 
     def __init__(self, kind: CommandKind) -> None:
-        """Initialise a command of zeros that answers the state of time 0."""
+        """Initialise a command of zeros as the response to the state of time 0."""
         self.kind = kind
         self.data = np.zeros(len(kind.joints))
         self.stamp_ns: int | None = 0
@@ -262,11 +270,11 @@ class LabelledCdr:
         self._places = _places(self._layout)
 
     def set_stamp(self, stamp_ns: int) -> None:
-        """Label the command with the stamp in ns of the state that it answers."""
+        """Label the command with the stamp in ns of the state to which it responds."""
         self.stamp_ns = stamp_ns
 
     def to_bytes(self) -> bytes:
-        """Return the message with the label set last; `CommandWriter` is faster."""
+        """Return the serialised message; `CommandWriter` is faster."""
         stamps = np.array([self.stamp_ns or 0])
         ((_, messages),) = self.kind.messages(stamps, self.data[None], self.is_void)
         return messages.tobytes()
@@ -314,19 +322,18 @@ class LabelledCdr:
 
     def load_message(self, message: Any) -> None:
         """
-        Take over a command of any sender, such as ros2_control's, labelled or not.
+        Read a deserialised command of any sender, such as ros2_control, with or without a label.
 
         Parameters
         ----------
         message
-            std_msgs/Float64MultiArray as any deserialiser gives it.
+            std_msgs/Float64MultiArray of any deserialiser.
 
         Raises
         ------
         InputError
-            for another number of joints than the kind's, for a number that is not
-            finite and for a label that starts like ours and has no stamp; nothing is
-            changed then.
+            For another number of joints, a number that is not finite, or a label with the
+            prefix of this kind and no valid stamp; nothing is changed then.
 
         """
         kind = self.kind
@@ -334,13 +341,13 @@ class LabelledCdr:
         numbers = np.asarray(message.data, dtype=np.float64)
         if numbers.shape != self.data.shape:
             raise InputError(
-                f'{kind.what}: {len(numbers)} numbers; it takes {len(self.data)},'
+                f'{kind.name}: {len(numbers)} numbers; expected {len(self.data)},'
                 f' the {kind.quantity}s of {", ".join(kind.joints)}'
             )
         if not np.isfinite(numbers).all():
             joint = kind.joints[int(np.argmin(np.isfinite(numbers)))]
             raise InputError(
-                f"{kind.what}: the {kind.quantity} of '{joint}' is not a finite number"
+                f"{kind.name}: the {kind.quantity} of '{joint}' is not a finite number"
             )
         self.data[:] = numbers
         self.is_void = int(message.layout.data_offset) == len(numbers)
@@ -348,23 +355,23 @@ class LabelledCdr:
 
 
 EFFORT = CommandKind('effort command', 'torque', 'effort@', DRIVEN_JOINTS)
-"""Torques in N m, labelled `effort@SECONDS.NANOSECONDS`."""
+"""Torques in N·m, labelled `effort@SECONDS.NANOSECONDS`."""
 
 ARM_VELOCITY = CommandKind('arm velocity command', 'rate', 'velocity@', RATED_JOINTS)
 """Velocities in rad/s, labelled `velocity@SECONDS.NANOSECONDS`; the base has a twist."""
 
 
 class EffortCdr(LabelledCdr):
-    """Torques of the driven joints in N m, in `data`."""
+    """Torques of the driven joints in N·m, in `data`."""
 
     def __init__(self, joints: Sequence[str] = DRIVEN_JOINTS) -> None:
-        """Make a command of zeros, for joints of these names, that answers the state of time 0."""
+        """Initialise zero torques of joints of these names."""
         super().__init__(EFFORT.named(joints))
 
 
 class ArmVelocityCdr(LabelledCdr):
-    """Rates of the joints that the base does not move by, in rad/s, in `data`."""
+    """Velocities in rad/s of the joints that do not move the base, in `data`."""
 
     def __init__(self, joints: Sequence[str] = RATED_JOINTS) -> None:
-        """Make a command of zeros, for joints of these names, that answers the state of time 0."""
+        """Initialise zero velocities of joints of these names."""
         super().__init__(ARM_VELOCITY.named(joints))

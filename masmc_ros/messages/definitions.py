@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Message definitions of ROS 2 Jazzy: their text and hash, as a log keeps them.
+Message definitions of ROS 2 Jazzy, with text and hash, as in a log.
 
-Those of the package's own topics are next to this file, written by `tools/definitions.py`.
+The file next to this one has those of the package's topics; `tools/definitions.py` writes it.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ if TYPE_CHECKING:
 
 class Definition(NamedTuple):
     """
-    What a message is.
+    Definition of a message type.
 
     Attributes
     ----------
     text
-        the definition with those that it is made of, in the form `ros2msg`.
+        Definition in the form `ros2msg`, with those of the types that it uses.
     type_hash
-        the version hash of REP-2011, `RIHS01_...`.
+        Version hash of REP-2011, `RIHS01_...`.
 
     """
 
@@ -38,13 +38,13 @@ class Definition(NamedTuple):
 
 
 KEPT = Path(__file__).with_suffix('.json')
-"""Text and hash of the types that every run needs: all of Jazzy's take 0.15 s to load."""
+"""Text and hash of the types of every run; loading all types of Jazzy takes 0.15 s."""
 
 
 @cache
 def _kept() -> dict[str, list[str]]:
-    found: dict[str, list[str]] = json.loads(KEPT.read_text('utf-8'))
-    return found
+    definitions: dict[str, list[str]] = json.loads(KEPT.read_text('utf-8'))
+    return definitions
 
 
 @cache
@@ -62,12 +62,12 @@ def definition(type_name: str) -> Definition:
     Parameters
     ----------
     type_name
-        such as `sensor_msgs/msg/JointState`.
+        Name such as `sensor_msgs/msg/JointState`.
 
     Raises
     ------
     InputError
-        for a type that is none of Jazzy's own.
+        If Jazzy does not have the type.
 
     """
     kept = _kept().get(type_name)
@@ -75,7 +75,7 @@ def definition(type_name: str) -> Definition:
 
 
 def definition_of_jazzy(type_name: str) -> Definition:
-    """Return the same from the library that has all types."""
+    """Return the definition of a message type from the library, which has all types of Jazzy."""
     store = _store()
     if type_name not in store.fielddefs:
         raise InputError(

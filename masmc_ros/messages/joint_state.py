@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The state of the robot: sensor_msgs/JointState."""
+"""State of the robot as sensor_msgs/JointState."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 FIELDS = ('position', 'velocity', 'effort')
 """Fields of a joint state with a number for each joint."""
 
-_REMEDY = 'set velocity_source to estimated for a robot that measures positions alone'
+_REMEDY = 'set velocity_source to estimated for a robot that measures positions only'
 
 
 @lru_cache(maxsize=64)
@@ -43,18 +43,18 @@ class JointStateCdr(StampedMessage):
     Attributes
     ----------
     names
-        (n) of the joints.
+        Names (n) of the joints.
     position
-        (n) those of the base, then the joints' angles, in m and rad.
+        Positions (n) of the base joints, then of the driven joints, in m and rad.
     velocity
-        (n) their rates in m/s and rad/s.
+        Velocities (n) in m/s and rad/s.
     effort
-        (n) zeros for the base joints, then the torques in N m.
+        Efforts (n): zeros for the base joints, then the torques in N·m.
 
     """
 
     def __init__(self, names: tuple[str, ...] = JOINTS) -> None:
-        """Make a state of zeros at time 0, of joints (n) of these names."""
+        """Initialise a state of zeros at time 0, of joints (n) of these names."""
         layout = joint_state_layout(names)
         super().__init__(layout)
         self.names = names
@@ -70,8 +70,8 @@ class JointStateCdr(StampedMessage):
         """
         Read a received message and return its stamp in ns.
 
-        UNREAD, with nothing changed, for another layout, for positions and velocities that are
-        not finite and for a stamp that is not a time: `load_message` says what is wrong.
+        The result is UNREAD, with nothing changed, for another layout, for positions or velocities
+        that are not finite and for an invalid stamp. `load_message` then raises the error.
         """
         stamp: int = self._read(raw, self._layout.forms, self._starts, self._bytes)
         return stamp
@@ -120,27 +120,25 @@ class JointStateCdr(StampedMessage):
         unknown_velocity: float | None = None,
     ) -> None:
         """
-        Take over a joint state of any sender, joint by joint by name.
+        Read a deserialised joint state of any sender, by joint names.
 
-        Joints of other names are left out; efforts that are absent or NaN become zero.
+        Other joints are ignored; efforts that are absent or NaN become zero.
 
         Parameters
         ----------
         message
-            sensor_msgs/JointState as any deserialiser gives it.
+            sensor_msgs/JointState of any deserialiser.
         joints
-            which joints to take, all or the driven ones, which are the last of
-            `names`; what is held of the others stays.
+            Names of the joints to read: all, or the driven ones, which are the last of `names`.
+            The values of the other joints stay.
         unknown_velocity
-            what to take for velocities that are absent or not finite; None
-            rejects them.
+            Value for velocities that are absent or not finite; None rejects them.
 
         Raises
         ------
         InputError
-            for missing or repeated joints, sizes that do not go with the names,
-            numbers that are not finite, a stamp that is no time; nothing is
-            changed then.
+            For missing or repeated joints, sizes that do not match the names, numbers that are
+            not finite, and an invalid stamp; nothing is changed then.
 
         """
         joints = joints or self.names
@@ -153,8 +151,8 @@ class JointStateCdr(StampedMessage):
         velocity = self._pick_velocity(message.velocity, unknown_velocity)
         effort = np.zeros(len(joints))
         if len(message.effort):
-            given = _doubles(message.effort)
-            effort = self._pick(np.where(np.isnan(given), 0.0, given), 'effort')
+            efforts = _doubles(message.effort)
+            effort = self._pick(np.where(np.isnan(efforts), 0.0, efforts), 'effort')
             _check_finite(effort, joints, 'effort')
         stamp = message.header.stamp
         stamp_ns = checked_stamp(stamp.sec * NANOSECONDS + stamp.nanosec)
@@ -169,7 +167,7 @@ class JointStateCdr(StampedMessage):
         if len(array) != len(self._names):
             raise InputError(
                 f'joint state: {field} has {len(array)} numbers for {len(self._names)} joints;'
-                ' it takes one for each name'
+                ' expected one for each name'
             )
         return array[self._order]
 
@@ -207,12 +205,12 @@ def _check_finite(values: NDArray[np.float64], joints: tuple[str, ...], field: s
 
 
 def _order(names: list[str], joints: tuple[str, ...]) -> list[int]:
-    """Return where each of our joints stands in `names`."""
+    """Return the index of each of the package's joints in `names`."""
     for joint in joints:
         count = names.count(joint)
         if count != 1:
-            fault = 'is missing' if count == 0 else f'is given {count} times'
+            fault = 'is missing' if count == 0 else f'appears {count} times'
             raise InputError(
-                f"joint state: joint '{joint}' {fault}; it takes each of {', '.join(joints)} once"
+                f"joint state: joint '{joint}' {fault}; expected each of {', '.join(joints)} once"
             )
     return [names.index(joint) for joint in joints]

@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 ENCAPSULATION = b'\x00\x01\x00\x00'
-"""Plain CDR, little endian: what every ROS 2 middleware sends on such a machine."""
+"""Header of plain CDR, little endian, which ROS 2 middleware uses on little-endian machines."""
 
 HEADER_SIZE = len(ENCAPSULATION)
 
 UNREAD = -1
-"""In place of a stamp: the compiled reader leaves this message to rclpy."""
+"""Result of a compiled reader instead of a stamp if rclpy has to deserialise the message."""
 
 NANOSECOND_DIGITS = 9
 """Digits of the nanoseconds of a stamp in a label."""
@@ -32,17 +32,17 @@ STAMP = struct.Struct('<iI')
 """builtin_interfaces/Time in CDR: seconds and nanoseconds."""
 
 TIME = np.dtype([('sec', '<i4'), ('nanosec', '<u4')])
-"""The same as a field of many messages."""
+"""builtin_interfaces/Time as a field of many messages."""
 
 Messages = NDArray[np.void]
-"""(N) of a layout's dtype."""
+"""Messages (N) as records of a layout's dtype."""
 
 END_OF_TIME = 2**31 * NANOSECONDS
-"""In ns: the first time that ROS 2's seconds of 32 bits, sign included, cannot say."""
+"""First time in ns after the range of ROS 2's seconds, signed integers of 32 bits."""
 
 
 def checked_stamp(stamp_ns: int) -> int:
-    """Return a stamp in ns; InputError for one that is no time since time 0."""
+    """Return a stamp in ns; InputError if it is negative or beyond 2**31 s."""
     if not 0 <= stamp_ns < END_OF_TIME:
         fault = 'is negative' if stamp_ns < 0 else 'is beyond 2**31 s'
         raise InputError(f'stamp {stamp_ns} ns {fault}')
@@ -51,25 +51,24 @@ def checked_stamp(stamp_ns: int) -> int:
 
 class Layout:
     """
-    The bytes of one CDR message whose strings and sizes are known, as a NumPy dtype.
+    Bytes of a CDR message with known strings and sizes, as a NumPy dtype.
 
-    The fields are appended in the order of the message definition: those that vary have names,
-    what is constant and what only aligns lies in fields of bytes between them. So one record is
-    a message, and an array of records are many. Alignment counts from the end of the 4-byte
-    encapsulation header. The bytes that only align hold zero here; ROS 2's own serialiser
-    leaves in them what the memory held before, so that a comparison of messages must leave
-    them out.
+    The fields are appended in the order of the message definition. Variable fields have names;
+    constant and padding bytes are in unnamed fields between them. One record is a message, and an
+    array of records is many messages. Alignment counts from the end of the 4-byte encapsulation
+    header. Padding bytes are zero here. ROS 2's serialiser leaves them uninitialised, so a
+    comparison of messages must ignore them.
     """
 
     def __init__(self, position: int | None = None) -> None:
         """
-        Start with the encapsulation header.
+        Initialise an empty layout, with the encapsulation header for a complete message.
 
         Parameters
         ----------
         position
-            where in a message a part of it begins, which has no header; None for a
-            whole message.
+            Position in bytes of a part of a message, which has no header; None for a complete
+            message.
 
         """
         self._bytes = bytearray(ENCAPSULATION if position is None else b'')
@@ -93,7 +92,7 @@ class Layout:
         self._described = len(self._bytes)
 
     def _vary(self, name: str, kind: DTypeLike, *shape: int) -> None:
-        """Append a field of zeros that varies."""
+        """Append a variable field, with zeros in the template."""
         self._close_gap()
         self._fields.append((name, kind, shape))
         self._append(bytes(np.dtype((kind, shape)).itemsize), 0)
@@ -105,12 +104,12 @@ class Layout:
         self._append(value.to_bytes(4, 'little'), 0xFF)
 
     def varying_uint32(self, name: str) -> None:
-        """Append an unsigned number that varies."""
+        """Append a variable unsigned number."""
         self._align(4)
         self._vary(name, '<u4')
 
     def string(self, text: str, varying: str = '', count: int = 0) -> None:
-        """Append a string: `text`, and behind it a field of `count` characters that vary."""
+        """Append a string: `text`, then a field of `count` variable characters."""
         data = text.encode()
         self.uint32(len(data) + count + 1)
         self._append(data, 0xFF)
@@ -119,17 +118,17 @@ class Layout:
         self._append(b'\0', 0xFF)
 
     def stamp(self, name: str = 'stamp') -> None:
-        """Append a builtin_interfaces/Time that varies."""
+        """Append a variable builtin_interfaces/Time."""
         self._align(4)
         self._vary(name, TIME)
 
     def doubles(self, name: str, *shape: int) -> None:
-        """Append float64 of a shape that vary."""
+        """Append variable float64 numbers of a shape."""
         self._align(8)
         self._vary(name, '<f8', *shape)
 
     def sequence(self, name: str, count: int) -> None:
-        """Append a float64[] of constant length that varies."""
+        """Append a variable float64[] of constant length."""
         self.uint32(count)
         self.doubles(name, count)
 
@@ -140,13 +139,13 @@ class Layout:
 
     @cached_property
     def dtype(self) -> np.dtype[np.void]:
-        """Return what a record of the message is; nothing can be appended any more."""
+        """Return the dtype of the message as a record; nothing can be appended afterwards."""
         self._close_gap()
         return np.dtype(self._fields)
 
     @cached_property
     def places(self) -> dict[str, slice]:
-        """Return where each field that varies lies in the message, in bytes, in order."""
+        """Return the byte range of each variable field in the message, in order."""
         return {
             name: slice(offset, offset + kind.itemsize)
             for name, (kind, offset, *_) in (self.dtype.fields or {}).items()
@@ -155,15 +154,15 @@ class Layout:
 
     @cached_property
     def template(self) -> bytes:
-        """Return the whole message, zero where it varies."""
+        """Return the message with zeros in the variable fields."""
         return bytes(self._bytes)
 
     @cached_property
     def forms(self) -> NDArray[np.uint8]:
         """
-        Return (3, size): the template, then 255 for each constant and for each varying byte.
+        Return (3, size): the template, the mask of constant bytes and that of variable bytes.
 
-        Padding bytes are neither.
+        Masks are 0xFF for these bytes and 0 for the others; padding bytes are in neither.
         """
         varies = np.zeros(self.size, np.uint8)
         for place in self.places.values():
@@ -178,12 +177,11 @@ class Layout:
         Parameters
         ----------
         **fields
-            values (N, ...) of the fields that vary, by name, all others being zero;
-            stamps in ns.
+            Values (N, ...) of variable fields by name, stamps in ns; the other fields are zero.
 
         Returns
         -------
-            (N) of the dtype; the bytes of each are the message as it is sent.
+            Records (N), whose bytes are the serialised messages.
 
         """
         arrays = {name: np.asarray(values) for name, values in fields.items()}
@@ -204,19 +202,19 @@ class Layout:
         Parameters
         ----------
         raws
-            N messages of the layout's size each.
+            N messages of the layout's size.
 
         Returns
         -------
-            (N) which are such messages, whatever their aligning bytes hold; (N) of the dtype,
-            meaningless for the others.
+            Mask (N) of the messages of this layout, with any padding bytes; records (N), which are
+            meaningless for the other messages.
 
         """
         joined = b''.join(raws)
         rows = np.frombuffer(joined, np.uint8).reshape(len(raws), self.size)
         constant = self.forms[1].astype(bool)
-        is_ours = (rows[:, constant] == self.forms[0][constant]).all(axis=1)
-        return is_ours, np.frombuffer(joined, self.dtype)
+        matches = (rows[:, constant] == self.forms[0][constant]).all(axis=1)
+        return matches, np.frombuffer(joined, self.dtype)
 
 
 def stamps_of(times: Messages) -> NDArray[np.int64]:

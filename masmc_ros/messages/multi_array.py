@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The layout of std_msgs/Float64MultiArray, which carries torques, references, telemetry."""
+"""Layout of std_msgs/Float64MultiArray, the type of commands, references and telemetry."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ def multi_array_layout(dimensions: Sequence[tuple[str, int]], data_offset: int) 
     """
     Return the layout of a Float64MultiArray with labelled dimensions.
 
-    Its fields are `head`, the numbers before the array where there are some, and `data`, of
+    Its fields are `head`, the numbers before the array (if `data_offset` is not 0), and `data`, of
     the shape of the dimensions.
 
     Parameters
     ----------
     dimensions
-        label and size of each, the slowest first.
+        Label and size of each dimension, the slowest first.
     data_offset
-        how many numbers come before the array.
+        Number of entries before the array.
 
     """
     layout = Layout()
@@ -45,7 +45,7 @@ def labelled_layout(label: str, characters: int, count: int) -> Layout:
     """
     Return the layout of `count` numbers whose label continues after `label`.
 
-    Its fields are `characters`, of the rest of the label, `data_offset`, and `data`.
+    Its fields are `characters`, the remaining characters of the label, `data_offset`, and `data`.
     """
     layout = Layout()
     layout.uint32(1)

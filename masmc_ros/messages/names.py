@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The joints, topics and labels that the messages of a run carry."""
+"""Names of the joints, topics and labels in the messages of a run."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ JOINTS = all_joints(DEFAULT)
 """Default joint names of a joint state."""
 DRIVEN_JOINTS = JOINTS[len(DEFAULT.base):]
 RATED_JOINTS = DRIVEN_JOINTS[len(DEFAULT.twist):]
-"""Those that are commanded rates of their own where rates are."""
+"""Joints that are commanded individually with commanded velocities; the others have a twist."""
 
 TASK_AXES = len(DEFAULT.axes)
-"""Default axes of a reference."""
+"""Default number of axes of a reference."""
 
 DERIVATIVES = 3
-"""Position (m), velocity (m/s) and acceleration (m/s^2) of a reference."""
+"""Number of derivatives of a reference: position, velocity and acceleration."""
 
 STATE_TOPIC = 'joint_states'
 COMMAND_TOPIC = 'effort_commands'
@@ -38,5 +38,5 @@ TELEMETRY = {signal.label: signal.count(DEFAULT.sizes) for signal in PUBLISHED}
 
 
 def telemetry_topic(label: str) -> str:
-    """Return the name, relative to the robot, under which `label` is published."""
+    """Return the topic of a telemetry label, relative to the robot."""
     return f'controller/{label}'

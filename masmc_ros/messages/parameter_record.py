@@ -13,7 +13,7 @@ from masmc_ros.messages.layout import checked_stamp
 from masmc_ros.messages.text import text_of
 
 _INTEGERS = range(-(2**63), 2**63)
-"""That ROS 2 has parameters of."""
+"""Range of integer parameters in ROS 2."""
 
 
 class ParameterRecord(NamedTuple):
@@ -23,17 +23,17 @@ class ParameterRecord(NamedTuple):
     Attributes
     ----------
     node
-        its full name.
+        Full name of the node.
     tick
-        the first tick that was computed with them.
+        First tick that was computed with the parameters.
     stamp
-        of that tick, ns.
-    parameters : mapping
-        all of them by name.
+        Stamp of that tick in ns.
+    parameters
+        Values of all parameters by name.
     changed
-        names of those that are new; none at the start of a node and with an event.
+        Names of changed parameters; empty at the start of a node and with an event.
     event
-        what else changed at the tick, one of the controller's EVENTS; empty for none.
+        Event at the tick, one of the controller's EVENTS; empty without one.
 
     """
 
@@ -55,28 +55,28 @@ class ParameterRecord(NamedTuple):
         return {name: self.parameters[name] for name in self.changed}
 
     def to_text(self) -> str:
-        """Return the record as it is published."""
+        """Return the record as JSON."""
         return json.dumps(self._asdict())
 
 
 def read_record(text: str) -> ParameterRecord:
-    """Read a record; InputError where the text is none."""
+    """Read a record from JSON; InputError if the text is not a record."""
     try:
-        found = json.loads(text)
-        parameters, changed = parameter_values(found), tuple(map(str, found['changed']))
+        content = json.loads(text)
+        parameters, changed = parameter_values(content), tuple(map(str, content['changed']))
         record = ParameterRecord(
-            str(found['node']),
-            _tick(found),
-            checked_stamp(int(found['stamp'])),
+            str(content['node']),
+            _tick(content),
+            checked_stamp(int(content['stamp'])),
             parameters,
             changed,
-            str(found.get('event', '')),
+            str(content.get('event', '')),
         )
-        # Lone surrogates are JSON, and no text that can be written anywhere.
+        # Lone surrogates are valid in JSON, but cannot be encoded as UTF-8.
         ''.join((record.node, record.event)).encode()
         if not parameters.keys() >= set(changed):
             raise KeyError
-    # A stranger's numbers may be infinite, his lists nested beyond what Python reads.
+    # Messages of third-party nodes may have infinite numbers and lists of any depth.
     except (TypeError, ValueError, KeyError, OverflowError, RecursionError, InputError) as error:
         raise InputError(
             'no record of parameters: expected JSON with node, tick, stamp, parameters and'
@@ -86,7 +86,7 @@ def read_record(text: str) -> ParameterRecord:
 
 
 def record_of(raw: bytes) -> ParameterRecord:
-    """Read a record as it is sent, a serialised std_msgs/String; InputError where it is none."""
+    """Read a record from a serialised std_msgs/String; InputError if it is not a record."""
     try:
         text = text_of(raw)
     except InputError as error:
@@ -94,14 +94,14 @@ def record_of(raw: bytes) -> ParameterRecord:
     return read_record(text)
 
 
-def parameter_values(found: Any) -> dict[str, Any]:
+def parameter_values(content: Any) -> dict[str, Any]:
     """
     Return the `parameters` of an object read from JSON, by name.
 
-    Raises TypeError, ValueError or KeyError where there are none, or one has a value that no
-    parameter of ROS 2 has, such as a list in a list.
+    Raises TypeError, ValueError or KeyError if they are missing, or if a value has no parameter
+    type in ROS 2, such as a list in a list.
     """
-    values = dict(found['parameters'])
+    values = dict(content['parameters'])
     for name, value in values.items():
         name.encode()
         for entry in value if isinstance(value, list) else () if value is None else (value,):
@@ -119,8 +119,8 @@ def _check_scalar(value: Any) -> None:
         raise TypeError(value)
 
 
-def _tick(found: Any) -> int:
-    tick = int(found['tick'])
+def _tick(content: Any) -> int:
+    tick = int(content['tick'])
     if tick not in _INTEGERS or tick < 0:
         raise ValueError(tick)
     return tick

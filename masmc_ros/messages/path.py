@@ -20,9 +20,9 @@ def path_layouts(frame: str) -> tuple[Layout, Layout, Layout]:
     """
     Return the layouts of a path's head, of its first pose and of every other one.
 
-    They may differ by bytes that align: the first pose follows the count, the others follow
-    numbers of eight bytes. The head has the fields `stamp` and `count`, a pose `stamp`,
-    `position` and `orientation`.
+    They may differ in padding bytes: the first pose follows the count, the others follow numbers
+    of eight bytes. The head has the fields `stamp` and `count`; a pose has `stamp`, `position` and
+    `orientation`.
     """
     head = Layout()
     head.stamp()
@@ -33,7 +33,7 @@ def path_layouts(frame: str) -> tuple[Layout, Layout, Layout]:
 
 
 def _pose(frame: str, position: int) -> Layout:
-    """Return the layout of a pose that starts at a place of the message."""
+    """Return the layout of a pose at a position in bytes of the message."""
     layout = Layout(position)
     layout.stamp()
     layout.string(frame)
@@ -51,21 +51,21 @@ def path_message(
     Parameters
     ----------
     frame
-        the frame that it is in.
+        Frame of the path.
     stamp_ns
-        its stamp in ns.
+        Stamp of the path in ns.
     stamps
-        (n) time of each pose in ns.
+        Time (n) of each pose in ns.
     points
-        (n, 3) positions in m.
+        Positions (n, 3) in m.
 
     """
     head, first, other = path_layouts(frame)
     parts = [head.messages(stamp=[stamp_ns], count=[len(stamps)])]
-    for layout, which in ((first, slice(1)), (other, slice(1, None))):
+    for layout, poses in ((first, slice(1)), (other, slice(1, None))):
         parts.append(
             layout.messages(
-                stamp=stamps[which], position=points[which], orientation=_NO_ROTATION
+                stamp=stamps[poses], position=points[poses], orientation=_NO_ROTATION
             )
         )
     return b''.join(part.tobytes() for part in parts)

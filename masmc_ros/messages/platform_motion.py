@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The motion of the platform and the time: Twist, TwistStamped, Odometry, Clock and Time."""
+"""Motion of the platform and time: Twist, TwistStamped, Odometry, Clock and Time."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ def time_layout() -> Layout:
 
 
 class TimeCdr(StampedMessage):
-    """A builtin_interfaces/Time or rosgraph_msgs/Clock: nothing but its stamp."""
+    """A builtin_interfaces/Time or rosgraph_msgs/Clock, which consists of a stamp."""
 
     def __init__(self) -> None:
-        """Make the time 0."""
+        """Initialise the time 0."""
         super().__init__(time_layout())
 
 
@@ -51,11 +51,11 @@ def odometry_numbers(odometry: Any) -> tuple[int, Array, Array]:
     The pose is (7) position in m and quaternion x, y, z, w; the twist (6) as `twist_numbers`.
     """
     pose, stamp = odometry.pose.pose, odometry.header.stamp
-    where = [getattr(pose.position, c) for c in 'xyz']
-    turned = [getattr(pose.orientation, c) for c in 'xyzw']
+    position = [getattr(pose.position, c) for c in 'xyz']
+    orientation = [getattr(pose.orientation, c) for c in 'xyzw']
     return (
         stamp.sec * NANOSECONDS + stamp.nanosec,
-        np.array([*where, *turned]),
+        np.array([*position, *orientation]),
         np.array(twist_numbers(odometry.twist.twist)),
     )
 
@@ -87,7 +87,7 @@ class TwistCdr(Message):
     """
 
     def __init__(self) -> None:
-        """Make a twist of zeros."""
+        """Initialise a twist of zeros."""
         super().__init__(twist_layout())
         self.linear, self.angular = self._record['linear'], self._record['angular']
 
@@ -116,7 +116,7 @@ class TwistStampedCdr(StampedMessage):
     """
 
     def __init__(self, frame_prefix: str = '', frame: str = BASE_FRAME) -> None:
-        """Make a twist of zeros at time 0."""
+        """Initialise a twist of zeros at time 0, in the base's frame."""
         super().__init__(twist_stamped_layout(frame_prefix, frame))
         self.linear, self.angular = self._record['linear'], self._record['angular']
 
@@ -158,7 +158,7 @@ class OdometryCdr(StampedMessage):
     """
 
     def __init__(self, frame_prefix: str = '', frame: str = BASE_FRAME) -> None:
-        """Make an odometry at the origin, at rest, at time 0."""
+        """Initialise an odometry at the origin, at rest, at time 0."""
         super().__init__(odometry_layout(frame_prefix, frame))
         record = self._record
         self.position, self.orientation = record['position'], record['orientation']

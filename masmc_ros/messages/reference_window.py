@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A stretch of the reference, sent ahead of time as std_msgs/Float64MultiArray."""
+"""Windows of the reference, which are sent ahead of time as std_msgs/Float64MultiArray."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _LONGEST_PERIOD = 1e4
 
 @lru_cache(maxsize=64)
 def reference_layout(samples: int, axes: int = TASK_AXES) -> Layout:
-    """Return the layout of a window of that many samples, of so many task axes."""
+    """Return the layout of a window with these numbers of samples and task axes."""
     sizes = (samples, DERIVATIVES, axes)
     return multi_array_layout(list(zip(LABELS, sizes, strict=True)), STAMP_NUMBERS)
 
@@ -35,18 +35,17 @@ def reference_layout(samples: int, axes: int = TASK_AXES) -> Layout:
 @dataclass(frozen=True)
 class ReferenceWindow:
     """
-    Samples of the reference at equal distances, or a single set-point.
+    Samples of the reference at equal intervals, or a single set-point.
 
     Attributes
     ----------
     stamp_ns
-        time of the first sample in ns; None for a set-point, which holds from its
-        arrival on.
+        Time of the first sample in ns; None for a set-point, which is valid from its arrival on.
     period
-        time from sample to sample in s; 0 for a set-point.
+        Time between two samples in s; 0 for a set-point.
     samples
-        (n, derivatives, axes) position (m), velocity (m/s), acceleration (m/s^2) of the
-        task axes.
+        Position (m), velocity (m/s) and acceleration (m/s^2) of the task axes,
+        (n, derivatives, axes).
 
     """
 
@@ -55,12 +54,12 @@ class ReferenceWindow:
     samples: NDArray[np.float64]
 
     def stamps(self) -> NDArray[np.int64]:
-        """Return the time of each sample in ns (n); of a set-point, 0."""
+        """Return the time (n) of each sample in ns; 0 for a set-point."""
         steps = np.rint(np.arange(len(self.samples)) * (NANOSECONDS * self.period))
         return np.asarray((self.stamp_ns or 0) + steps.astype(np.int64))
 
     def to_bytes(self) -> bytes:
-        """Return the message as it is sent; a set-point travels as its bare numbers."""
+        """Return the serialised message; that of a set-point has neither stamp nor labels."""
         if self.stamp_ns is None:
             layout = multi_array_layout([('', self.samples.size)], 0)
             start, head = layout.places['data'].start, b''
@@ -75,29 +74,28 @@ class ReferenceWindow:
     @staticmethod
     def from_bytes(raw: bytes, axes: int = TASK_AXES) -> ReferenceWindow | None:
         """
-        Read a received window that is laid out like ours.
+        Read a received window in the package's own layout.
 
         Parameters
         ----------
         raw
-            the message with its encapsulation header.
+            Message with its encapsulation header.
         axes
-            number of task axes.
+            Number of task axes.
 
         Returns
         -------
-            None for every other message, which a full deserialiser has to read: see
-            `from_message`.
+            None for every other message, which rclpy has to deserialise for `from_message`.
 
         Raises
         ------
         InputError
-            as `from_message`.
+            As `from_message`.
 
         """
         start = reference_layout(1, axes).places['head'].start
-        samples, rest = divmod((len(raw) - start) // 8 - STAMP_NUMBERS, DERIVATIVES * axes)
-        if samples < 1 or rest:
+        samples, remainder = divmod((len(raw) - start) // 8 - STAMP_NUMBERS, DERIVATIVES * axes)
+        if samples < 1 or remainder:
             return None
         layout = reference_layout(samples, axes)
         if not (len(raw) == layout.size and layout.read([raw])[0][0]):
@@ -107,26 +105,25 @@ class ReferenceWindow:
     @staticmethod
     def from_message(message: Any, axes: int = TASK_AXES) -> ReferenceWindow:
         """
-        Read a window or a set-point of any sender.
+        Read a deserialised window or set-point of any sender.
 
         Parameters
         ----------
         message
-            std_msgs/Float64MultiArray as any deserialiser gives it.
+            std_msgs/Float64MultiArray of any deserialiser.
         axes
-            number of task axes.
+            Number of task axes.
 
         Raises
         ------
         InputError
-            for dimensions that are not samples x derivative x task, for another
-            number of values than they promise, for a set-point that is not positions
-            alone or with velocities or with accelerations too, for a stamp or a
-            period that is none, for numbers that are not finite.
+            For dimensions other than samples x derivative x task, a number of values that does not
+            match them, a set-point without complete positions, velocities or accelerations, an
+            invalid stamp or period, and numbers that are not finite.
 
         """
         numbers = np.array(message.data, dtype=np.float64)
-        dimensions = [(each.label, int(each.size)) for each in message.layout.dim]
+        dimensions = [(dimension.label, int(dimension.size)) for dimension in message.layout.dim]
         if message.layout.data_offset == 0 and len(dimensions) < len(LABELS):
             return _set_point(numbers, axes)
         samples = dimensions[0][1] if dimensions else 0
@@ -140,20 +137,20 @@ class ReferenceWindow:
             shape = ' x '.join(f'{label} {size}' for label, size in dimensions)
             raise InputError(
                 f'reference: {len(numbers)} numbers, data_offset {message.layout.data_offset},'
-                f' as {shape or "no dimensions"}; it takes samples n'
+                f' as {shape or "no dimensions"}; expected samples n'
                 f' x derivative {DERIVATIVES} x task {axes} after {STAMP_NUMBERS} numbers'
-                f' (seconds, nanoseconds, period), or {axes}, {2 * axes} or {3 * axes} bare'
-                ' numbers'
+                f' (seconds, nanoseconds, period), or {axes}, {2 * axes} or {3 * axes} numbers'
+                ' without dimensions'
             )
         return _window(numbers, axes)
 
 
 def _window(numbers: NDArray[np.float64], axes: int) -> ReferenceWindow:
-    """Make a window of [seconds, nanoseconds, period, samples...]."""
+    """Return the window of [seconds, nanoseconds, period, samples...]."""
     _check_finite(numbers)
     seconds, nanoseconds, period = numbers[:STAMP_NUMBERS].tolist()
-    whole = seconds.is_integer() and nanoseconds.is_integer()
-    if not (whole and abs(seconds) < _SECONDS and 0 <= nanoseconds < NANOSECONDS):
+    is_whole = seconds.is_integer() and nanoseconds.is_integer()
+    if not (is_whole and abs(seconds) < _SECONDS and 0 <= nanoseconds < NANOSECONDS):
         raise InputError(
             f'reference: stamp [{seconds:g}, {nanoseconds:g}] is not whole seconds within 32'
             ' bits and nanoseconds below 1e9'
@@ -161,7 +158,7 @@ def _window(numbers: NDArray[np.float64], axes: int) -> ReferenceWindow:
     samples = numbers[STAMP_NUMBERS:].reshape(-1, DERIVATIVES, axes)
     if not 1.0 <= period * NANOSECONDS <= NANOSECONDS * _LONGEST_PERIOD:
         raise InputError(
-            f'reference: sample period {period:g} s; it takes 1e-9 to {_LONGEST_PERIOD:g} s'
+            f'reference: sample period {period:g} s; expected 1e-9 to {_LONGEST_PERIOD:g} s'
         )
     if (len(samples) - 1) * period >= _SECONDS:
         raise InputError(
@@ -171,10 +168,10 @@ def _window(numbers: NDArray[np.float64], axes: int) -> ReferenceWindow:
 
 
 def _set_point(numbers: NDArray[np.float64], axes: int) -> ReferenceWindow:
-    """Make a set-point of position, and velocity and acceleration where they are given."""
+    """Return the set-point of positions, with or without velocities and accelerations."""
     if len(numbers) not in (axes, 2 * axes, 3 * axes):
         raise InputError(
-            f'reference: a set-point of {len(numbers)} numbers; it takes {axes} positions, or'
+            f'reference: a set-point of {len(numbers)} numbers; expected {axes} positions, or'
             f' {2 * axes} with velocities, or {3 * axes} with accelerations'
         )
     _check_finite(numbers)

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The time a serialised message speaks of, read without deserialising it."""
+"""Stamps of serialised messages, read without deserialisation."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _NUMBER = 8
 """Bytes of a number."""
 
 StampReader = Callable[[bytes], int | None]
-"""Returns a stamp in ns, None for a message without; InputError for one that is no time."""
+"""Function that returns a stamp in ns, None for a message without one; InputError if invalid."""
 
 TRANSFORMS_TYPE = 'tf2_msgs/msg/TFMessage'
 
@@ -29,31 +29,31 @@ _STAMPED = (
     'geometry_msgs/msg/TwistStamped',
     'rosgraph_msgs/msg/Clock',
 )
-"""Types that begin with a stamp on the robot's clock."""
+"""Types whose messages start with a stamp of the robot's clock."""
 
 
 def header_stamp(raw: bytes) -> int:
     """
     Return the stamp in ns of a message that starts with a header or a time.
 
-    Raises InputError where the message is too short for one, and for one that is no time.
+    Raises InputError if the message is too short or the stamp is invalid.
     """
     return _stamp_at(raw, len(ENCAPSULATION))
 
 
 def transforms_stamp(raw: bytes) -> int | None:
-    """Return the stamp in ns of a TFMessage's first transform; None where it has none."""
+    """Return the stamp in ns of a TFMessage's first transform; None without transforms."""
     start = len(ENCAPSULATION) + 4
-    # What stands behind a count of 0 only fills the message up.
+    # Bytes after a count of 0 are padding.
     return _stamp_at(raw, start) if any(raw[len(ENCAPSULATION):start]) else None
 
 
 def stamp_reader(topic: str, type_name: str) -> StampReader:
     """
-    Return how to read the stamp in ns of a topic's messages; None for one without.
+    Return the reader of the stamps of a topic's messages.
 
-    `topic` is relative to the robot. Commands have the stamp of the state that they answer,
-    telemetry that of the state that it belongs to.
+    `topic` is relative to the robot. Commands have the stamp of the state to which they respond,
+    telemetry that of the state of its tick.
     """
     if type_name in _STAMPED:
         return header_stamp
@@ -77,7 +77,7 @@ def _stamp_at(raw: bytes, start: int) -> int:
 
 
 def _telemetry_reader(label: str) -> StampReader:
-    """Read telemetry of any number of values: as many as the message has room for."""
+    """Return the reader for telemetry messages of any size."""
     one = telemetry_layout(label, 1)
 
     @lru_cache(maxsize=8)

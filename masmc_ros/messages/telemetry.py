@@ -25,28 +25,28 @@ _STAMP_PAIR = struct.Struct('<2d')
 
 @cache
 def telemetry_layout(label: str, count: int) -> Layout:
-    """Return the layout of `count` values called `label`, after the stamp."""
+    """Return the layout of `count` values with a label, after the stamp."""
     return multi_array_layout([(label, count)], STAMP_NUMBERS)
 
 
 def telemetry_count(label: str, size: int) -> int:
-    """Return how many values called `label` a message of `size` bytes has."""
+    """Return the number of values in a telemetry message of `size` bytes with a label."""
     empty, one = (telemetry_layout(label, count).size for count in (0, 1))
     return (size - empty) // (one - empty)
 
 
 def telemetry_messages(label: str, stamps: NDArray[np.int64], values: ArrayLike) -> Messages:
     """
-    Return telemetry messages called `label`.
+    Return many telemetry messages.
 
     Parameters
     ----------
     label
-        what the values are.
+        Label of the values.
     stamps
-        (N) in ns.
+        Stamps (N) in ns.
     values
-        (N, n).
+        Values (N, n).
 
     """
     values = np.asarray(values)
@@ -61,18 +61,18 @@ class TelemetryCdr(Message):
     Attributes
     ----------
     values
-        (count) the vector.
+        Vector (count).
     numbers
-        (2 + count) the same after its stamp, in seconds and nanoseconds.
+        Seconds and nanoseconds of the stamp, then the vector (2 + count).
     size
-        of the message in bytes.
+        Size of the message in bytes.
     head
-        the bytes before the stamp, which are the same in all.
+        Constant bytes before the stamp.
 
     """
 
     def __init__(self, label: str, count: int) -> None:
-        """Make a vector of `count` zeros at time 0, called `label`."""
+        """Initialise a vector of `count` zeros at time 0 with a label."""
         layout = telemetry_layout(label, count)
         super().__init__(layout)
         self._label = label
@@ -84,7 +84,7 @@ class TelemetryCdr(Message):
         self.head = layout.template[:self._stamp_offset]
 
     def set_stamp(self, stamp_ns: int) -> None:
-        """Write the stamp, in ns, of the state that the values belong to."""
+        """Write the stamp in ns of the state of the values."""
         _STAMP_PAIR.pack_into(self._wire, self._stamp_offset, *divmod(stamp_ns, NANOSECONDS))
 
     def writer(self, values: NDArray[np.float64]) -> Callable[[int], bytes]:
@@ -102,27 +102,27 @@ class TelemetryCdr(Message):
 
     @property
     def stamp_ns(self) -> int:
-        """Return the stamp in ns; InputError where a sender wrote numbers that are no time."""
+        """Return the stamp in ns; InputError if it is invalid."""
         return self.stamp_of(self._wire)
 
     def stamp_of(self, raw: bytes | memoryview) -> int:
-        """Return the stamp in ns of such a message, as `stamp_ns` does."""
+        """Return the stamp in ns of a message of this layout; InputError if it is invalid."""
         return _stamp(*_STAMP_PAIR.unpack_from(raw, self._stamp_offset))
 
     def load_message(self, message: Any) -> None:
         """
-        Take over a telemetry message whatever its labels.
+        Read a deserialised telemetry message with any labels.
 
         Parameters
         ----------
         message
-            std_msgs/Float64MultiArray as any deserialiser gives it.
+            std_msgs/Float64MultiArray of any deserialiser.
 
         Raises
         ------
         InputError
-            for another number of values, or without the two numbers of the stamp
-            before them, or where these are no time; nothing is changed then.
+            For another number of values, and for a missing or invalid stamp before them; nothing
+            is changed then.
 
         """
         count = len(self.values)
@@ -130,15 +130,18 @@ class TelemetryCdr(Message):
         if offset != STAMP_NUMBERS or len(message.data) != STAMP_NUMBERS + count:
             raise InputError(
                 f'{self._label}: {len(message.data)} numbers, data_offset {offset};'
-                f' it takes seconds, nanoseconds and {count} values, data_offset {STAMP_NUMBERS}'
+                f' expected seconds, nanoseconds and {count} values, data_offset {STAMP_NUMBERS}'
             )
-        numbers = [float(each) for each in message.data]
+        numbers = list(map(float, message.data))
         _stamp(*numbers[:STAMP_NUMBERS])
         self._head[:], self.values[:] = numbers[:STAMP_NUMBERS], numbers[STAMP_NUMBERS:]
 
 
 def _stamp(seconds: float, nanoseconds: float) -> int:
-    # False for what is not a number.
+    # The comparisons are False for NaN.
     if not (0.0 <= seconds < END_OF_TIME / NANOSECONDS and 0.0 <= nanoseconds < NANOSECONDS):
-        raise InputError(f'stamp [{seconds:g}, {nanoseconds:g}] s and ns is no time')
+        raise InputError(
+            f'stamp [{seconds:g} s, {nanoseconds:g} ns]: expected 0 <= seconds < 2**31 and '
+            '0 <= nanoseconds < 1e9'
+        )
     return int(seconds) * NANOSECONDS + int(nanoseconds)

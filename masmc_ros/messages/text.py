@@ -10,17 +10,17 @@ from masmc_ros.messages.layout import ENCAPSULATION
 
 
 def string_message(text: str) -> bytes:
-    """Return a serialised std_msgs/String, filled up to whole words as middleware delivers it."""
+    """Return a serialised std_msgs/String, padded to 4 bytes as in received messages."""
     data = text.encode() + b'\0'
     return ENCAPSULATION + len(data).to_bytes(4, 'little') + data + bytes(-len(data) % 4)
 
 
 def text_of(raw: bytes) -> str:
-    """Return the text of a serialised std_msgs/String; InputError where it is none."""
+    """Return the text of a serialised std_msgs/String; InputError if it is invalid."""
     start = len(ENCAPSULATION) + 4
     size = int.from_bytes(raw[start - 4:start], 'little')
     if len(raw) < start + size:
-        raise InputError(f'{len(raw)} bytes that are no text')
+        raise InputError(f'{len(raw)} bytes that are not a std_msgs/String')
     try:
         return raw[start:start + max(0, size - 1)].decode()
     except UnicodeDecodeError:

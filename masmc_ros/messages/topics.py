@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The topics of a run, by their names relative to the robot."""
+"""Topics of a run, with names relative to the robot."""
 
 from __future__ import annotations
 
@@ -33,28 +33,41 @@ PARAMETER_NODES = ('plant', 'trajectory', 'controller')
 
 
 class Topic(NamedTuple):
-    """A topic, its message type and what it carries."""
+    """
+    A topic with its message type, direction and content.
+
+    Attributes
+    ----------
+    name, type_name
+        Name and message type.
+    direction, content
+        Text for the documentation.
+    is_latched
+        True if late-joining subscriptions get past messages.
+    holds
+        True if a message is valid until the next one, for any time.
+    turns_up
+        True if only some runs have the topic; its publisher determines the type.
+
+    """
 
     name: str
     type_name: str
     direction: str
     content: str
     is_latched: bool = True
-    """Whether late subscribers are given what was sent before."""
     holds: bool = False
-    """Whether a message is valid until the next one, however long that takes."""
     turns_up: bool = False
-    """Whether only some runs have it, of the type that its sender says."""
 
 
 def _in_unit(signal: Signal) -> str:
-    """Return ' in UNIT', nothing where components have several."""
-    of = {
-        'axes': [each.unit for each in DEFAULT.axes],
-        'joints': [each.unit for each in DEFAULT.joints],
-        'parameters': [each.unit for each in DEFAULT.theta],
+    """Return ' in UNIT', or '' if the components have different units."""
+    component_units = {
+        'axes': [axis.unit for axis in DEFAULT.axes],
+        'joints': [joint.unit for joint in DEFAULT.joints],
+        'parameters': [parameter.unit for parameter in DEFAULT.theta],
     }
-    units = set(map(signal.unit_of, of.get(str(signal.size), ())))
+    units = set(map(signal.unit_of, component_units.get(str(signal.size), ())))
     return f' in {units.pop()}' if len(units) == 1 else ''
 
 
@@ -74,10 +87,10 @@ TRANSFORMS = Topic(
 
 def transforms_topic(namespace: str, frame_prefix: str) -> str:
     """
-    Return where a robot sends its transforms.
+    Return the topic of a robot's transforms.
 
-    Robots share /tf if prefixes distinguish their frames. If only the namespace
-    does, each has a topic of its own.
+    Robots share /tf if prefixes distinguish their frames. If only namespaces do, each robot has a
+    separate topic.
     """
     is_shared = frame_prefix or namespace == '/'
     return TRANSFORMS.name if is_shared else TRANSFORMS.name.lstrip('/')

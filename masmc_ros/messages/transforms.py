@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Where the robot's frames are at a time: tf2_msgs/TFMessage.
+Poses of the robot's frames as tf2_msgs/TFMessage.
 
-All transforms of a tick travel in one message, the fixed one too: the latest message at or
-before a time then tells everything of that time, wherever a viewer jumps to.
+All transforms of a tick, also the fixed one, are in one message. A viewer that jumps to any time
+therefore needs only the latest message up to that time.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 _COUNT = 4
-"""Bytes of a count, and of the length in front of a string."""
+"""Bytes of a count, and of the length before a string."""
 
 TRANSFORM = 7
 """Numbers of a transform: translation x, y, z and a quaternion x, y, z, w."""
@@ -33,7 +33,7 @@ def transforms_layout(frame_prefix: str = '', frames: Frames = DEFAULT.frames) -
     """
     Return the layout of the transforms of frames, with a prefix before all names.
 
-    Its fields are `stamp_CHILD` and `transform_CHILD` of each, the latter of TRANSFORM numbers.
+    Each frame has the fields `stamp_CHILD` and `transform_CHILD`, which has TRANSFORM numbers.
     """
     layout = Layout()
     layout.uint32(len(frames))
@@ -52,18 +52,18 @@ def transforms_messages(
     frames: Frames = DEFAULT.frames,
 ) -> Messages:
     """
-    Return the transforms of all frames at each of many times.
+    Return the transforms of all frames at many times.
 
     Parameters
     ----------
     stamps
-        (N) in ns.
+        Stamps (N) in ns.
     transforms
-        (N, frames, TRANSFORM) translation in m and quaternion x, y, z, w.
+        Translation in m and quaternion x, y, z, w of each frame, (N, frames, TRANSFORM).
     frame_prefix
-        of the names of all frames.
+        Prefix of the names of all frames.
     frames
-        parent and child of each.
+        Parent and child of each frame.
 
     """
     fields: dict[str, ArrayLike] = {}
@@ -77,16 +77,16 @@ class TransformsCdr(Message):
     """A TFMessage of all frames of a robot, filled in place."""
 
     def __init__(self, frame_prefix: str = '', frames: Frames = DEFAULT.frames) -> None:
-        """Make transforms of zeros at time 0, of these frames: parent and child of each."""
+        """Initialise transforms of zeros at time 0; `frames` are pairs of parent and child."""
         layout = transforms_layout(frame_prefix, frames)
         super().__init__(layout)
         self._stamps = [layout.places[f'stamp_{child}'] for _, child in frames]
-        # One write for all numbers, wherever they lie.
+        # Indices of all numbers in `words`, for one assignment.
         numbers = np.array([[layout.places[f'transform_{child}'].start] for _, child in frames])
         self._numbers = (numbers + self._lead) // 8 + np.arange(TRANSFORM)
 
     def fill(self, stamp_ns: int, transforms: NDArray[np.float64]) -> bytes:
-        """Write transforms (frames, TRANSFORM) in their order, m; return the message."""
+        """Write the stamp and transforms (frames, TRANSFORM); return the serialised message."""
         stamp = STAMP.pack(*divmod(stamp_ns, NANOSECONDS))
         for place in self._stamps:
             self._wire[place] = stamp
@@ -95,14 +95,14 @@ class TransformsCdr(Message):
 
 
 def first_frames(raw: bytes) -> tuple[str, str]:
-    """Return parent and child of a TFMessage's first transform; '' where it has none."""
+    """Return parent and child of a TFMessage's first transform; '' without transforms."""
     parent, end = _string(raw, len(ENCAPSULATION) + _COUNT + STAMP.size)
     child, _ = _string(raw, end)
     return parent, child
 
 
 def first_names(frame_prefix: str, frames: Frames = DEFAULT.frames) -> tuple[bytes, int]:
-    """Return the names of a robot's first frames as `TransformsCdr` has them, and their place."""
+    """Return the serialised names of a robot's first frames in a TFMessage, and their place."""
     layout, (_, child) = transforms_layout(frame_prefix, frames), frames[0]
     names = layout.places[f'stamp_{child}'].stop
     return layout.template[names:layout.places[f'transform_{child}'].start], names
@@ -110,10 +110,10 @@ def first_names(frame_prefix: str, frames: Frames = DEFAULT.frames) -> tuple[byt
 
 def is_of_robot(raw: bytes, frame_prefix: str) -> bool:
     """
-    Return True if a TFMessage is about a robot whose frames have this prefix.
+    Return True if a TFMessage belongs to the robot whose frames have this prefix.
 
-    It does so where parent or child is the robot's own: `map` to `left/odom` is of `left/`.
-    A robot without a prefix has the frames without one.
+    One frame of the first transform must have the prefix: `map` to `left/odom` belongs to `left/`.
+    For a robot without a prefix, one frame must have none.
     """
     if frame_prefix:
         return any(name.startswith(frame_prefix) for name in first_frames(raw))
@@ -121,7 +121,7 @@ def is_of_robot(raw: bytes, frame_prefix: str) -> bool:
 
 
 def _string(raw: bytes, start: int) -> tuple[str, int]:
-    """Return the string of a message at a place, and the end of it."""
+    """Return the string at a place of a message, and the place after it."""
     start += (len(ENCAPSULATION) - start) % _COUNT
     length = int.from_bytes(raw[start:start + _COUNT], 'little')
     end = start + _COUNT + length

@@ -20,19 +20,19 @@ from masmc_ros.errors import InputError
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.timing import Timing
 from masmc_ros.numerics.aliases import Array
-from masmc_ros.plant.commands import CommandPart, Commands
 from masmc_ros.plant.lateness import Lateness
+from masmc_ros.plant.latest_command import CommandPart, Commands
 from masmc_ros.plant.recorder_pace import RecorderPace
 
 
 class Publish:
-    """Publish the present state of the robot."""
+    """Publish the current state of the robot."""
 
     __slots__ = ()
 
 
 class PublishAgain:
-    """Publish the last state once more."""
+    """Publish the last state again."""
 
     __slots__ = ()
 
@@ -44,7 +44,7 @@ class AwaitCommand(NamedTuple):
 
 
 class Done(NamedTuple):
-    """End the run, which had `ticks` ticks in `seconds` s: the last one has its command."""
+    """End the run after its last command: `ticks` ticks in `seconds` s."""
 
     ticks: int
     seconds: float
@@ -59,9 +59,7 @@ PUBLISH: Actions = (Publish(),)
 
 class PlantCore(ABC):
     """
-    Moves the robot by commands, one tick after the other.
-
-    The two pacings are `LockStep` and `RealTime`.
+    Base class of the two pacings, `LockStep` and `RealTime`: moves the robot by commands.
 
     Attributes
     ----------
@@ -76,10 +74,10 @@ class PlantCore(ABC):
     stamp
         Stamp of the last state in ns, -1 before the first.
     dropped
-        Number of commands that did not respond to the present state.
+        Number of commands that did not respond to the current state.
     is_paused
         True while the robot's time does not advance.
-    has_begun
+    has_started
         True after the first state.
     is_over
         True after the last tick, and after a failure.
@@ -110,15 +108,15 @@ class PlantCore(ABC):
         self.recorder = RecorderPace()
         self.lateness = Lateness(timing.period)
         self.stamp, self.dropped = -1, 0
-        self.is_paused = self.has_begun = self.is_over = False
+        self.is_paused = self.has_started = self.is_over = False
         self._timing, self._values = timing, values
         self._started = 0.0
 
     # Events.
 
-    def begin(self, now: float) -> Actions:
+    def start(self, now: float) -> Actions:
         """Publish the first state."""
-        self._started, self.has_begun = now, True
+        self._started, self.has_started = now, True
         return self._publish()
 
     @abstractmethod
@@ -146,7 +144,7 @@ class PlantCore(ABC):
         """Respond to the time; to be called every `timer_period`."""
 
     def on_due(self, now: float) -> Actions:
-        """Make one of the ticks that are due; to be called while `is_due` is True."""
+        """Compute one of the ticks that are due; to be called while `is_due` is True."""
         return NOTHING
 
     @property
@@ -160,8 +158,8 @@ class PlantCore(ABC):
         """Time in s between two calls of `on_timer`; a change of parameters may change it."""
 
     def on_recorded(self, stamp: int, now: float) -> Actions:
-        """Note the stamp in ns up to which a recorder has written."""
-        self.recorder.note(round(stamp / (1e9 * self._timing.period)), self.robot.tick, now)
+        """Process the report of a recorder: it has written all messages up to a stamp in ns."""
+        self.recorder.report(round(stamp / (1e9 * self._timing.period)), self.robot.tick, now)
         return NOTHING
 
     def on_parameters(self, now: float) -> Actions:
@@ -169,22 +167,22 @@ class PlantCore(ABC):
         return NOTHING
 
     def on_reset(self, now: float) -> Actions:
-        """Put the robot back to its initial state at t = 0 s."""
+        """Reset the robot to its initial state at t = 0 s."""
         self.robot.reset()
         self.commands.clear()
-        self.recorder.set_back()
-        return self._publish() if self.has_begun else NOTHING
+        self.recorder.restart()
+        return self._publish() if self.has_started else NOTHING
 
     def on_pause(self, now: float, *, is_paused: bool) -> Actions:
-        """Let the robot's time stop, or advance again."""
+        """Pause the robot's time, or continue."""
         self.is_paused = is_paused
         self.commands.touch(now)
         return NOTHING
 
     def step_refusal(self) -> str:
         """Return why a single step is impossible; empty if it is possible."""
-        if not self.has_begun:
-            return 'the run has not begun; call again when it has'
+        if not self.has_started:
+            return 'the run has not started; call again after its start'
         return '' if self.is_paused else 'not paused; call pause with data true first'
 
     @abstractmethod

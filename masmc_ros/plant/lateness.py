@@ -4,8 +4,8 @@
 """
 Late ticks of the plant in real time, and their effect in the last second.
 
-A late tick leaves the robot under a command that answers an earlier state, and by more than a few
-ticks at once the robot's time falls behind the wall clock. Both increase the tracking error:
+After a late tick the robot moves by a command for an earlier state. After more than a few late
+ticks at once the robot's time falls behind real time. Both increase the tracking error:
 docs/real_time.md has the measured figures.
 """
 
@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-BEARABLE_SHARE = 0.02
+TOLERATED_SHARE = 0.02
 """
 Share of late ticks above which the plant warns.
 
@@ -34,8 +34,8 @@ class Lateness:
     Attributes
     ----------
     total
-        late ticks since the start: those made a period or more after they were due, and those
-        that the plant has given up.
+        Number of late ticks since the start: computed a period or more after they were due, or
+        skipped.
 
     """
 
@@ -46,21 +46,21 @@ class Lateness:
         self._restart()
 
     def _restart(self) -> None:
-        self._ticks = self._late = self._given_up = self._older = 0
+        self._ticks = self._late = self._skipped = self._older = 0
 
     def add_tick(self, *, is_older: bool) -> None:
-        """Count a tick; `is_older`: its command answers an earlier state than the last one."""
+        """Count a tick; `is_older`: its command responds to an earlier state than the last one."""
         self._ticks += 1
         self._older += is_older
 
     def add_late(self, ticks: int) -> None:
-        """Count ticks that are made a period or more after they were due, or given up."""
+        """Count ticks that are a period or more late, including those that are skipped."""
         self.total += ticks
         self._late += ticks
 
-    def add_given_up(self, ticks: int) -> None:
-        """Count late ticks that are not made up for: the robot's time falls behind by them."""
-        self._given_up += ticks
+    def add_skipped(self, ticks: int) -> None:
+        """Count late ticks that are skipped: the robot's time falls behind by them."""
+        self._skipped += ticks
 
     def report(self, seconds: float) -> tuple[Mapping[str, str], str]:
         """
@@ -69,16 +69,16 @@ class Lateness:
         Parameters
         ----------
         seconds
-            time since the last report.
+            Time since the last report.
 
         Returns
         -------
-            Figures by name for /diagnostics, and one line, '' if late ticks are few.
+            Figures by name for /diagnostics, and one line, '' if there are few late ticks.
 
         """
-        due = self._ticks + self._given_up
+        due = self._ticks + self._skipped
         late = min(1.0, self._late / max(1, due))
-        behind = self._given_up * self._period
+        behind = self._skipped * self._period
         figures = {
             'late ticks': str(self.total),
             'late ticks in the last second (%)': f'{100.0 * late:.1f}',
@@ -88,10 +88,10 @@ class Lateness:
             ),
         }
         self._restart()
-        if late <= BEARABLE_SHARE:
+        if late <= TOLERATED_SHARE:
             return figures, ''
         return figures, (
             f"late ticks: {100.0 * late:.1f} % of the last {seconds:.1f} s, and the robot's time "
-            f'fell behind by {behind:.3f} s; expected at most {100.0 * BEARABLE_SHARE:g} %; '
+            f'fell behind by {behind:.3f} s; expected at most {100.0 * TOLERATED_SHARE:g} %; '
             f'{_REMEDY}'
         )

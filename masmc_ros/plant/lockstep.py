@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from masmc_ros.control.actions import Line, Wait
 from masmc_ros.numerics.aliases import Array
-from masmc_ros.plant.commands import CommandPart
 from masmc_ros.plant.core import Actions, AwaitCommand, NOTHING, PlantCore
+from masmc_ros.plant.latest_command import CommandPart
 
 
 class LockStep(PlantCore):
-    """Moves the robot by each command, and not ahead of a recorder by more than its queues."""
+    """Plant that waits for each command, and for a recorder whose queues would overflow."""
 
     text = 'lock-step'
     timer_period = 1.0
@@ -24,28 +24,28 @@ class LockStep(PlantCore):
     def on_command(
         self, part: CommandPart, numbers: Array | None, answered: int | None, now: float
     ) -> Actions:
-        """Apply a command to the last state; one that names no state is taken for that."""
-        if not self.has_begun or (answered != self.stamp and part.names_state):
+        """Apply a command to the last state, or one that names no state."""
+        if not self.has_started or (answered != self.stamp and part.names_state):
             self.dropped += 1
             return NOTHING
         part.take(numbers, answered, now)
         return self._continued(now)
 
     def on_timer(self, now: float) -> Actions:
-        """Return what the run waits for; give up a recorder that is silent."""
+        """Report the reason of a wait; ignore a recorder without reports."""
         tick = self.robot.tick
         has_moved, self._seen_tick = tick != self._seen_tick, tick
-        if not self.has_begun:
+        if not self.has_started:
             return NOTHING
         if has_moved or self.is_paused or self.is_over:
             self._waiting_since = None
             return (Wait(None),)
         if not self.commands.is_complete:
             return (AwaitCommand(self.commands.missing()),)
-        # A slow run may take longer than the patience until it is that far ahead.
+        # The patience counts from the start of the wait: in a slow run the last report is older.
         if self._waiting_since is None:
             self._waiting_since = now
-        if not self.recorder.is_silent(self._waiting_since, now):
+        if not self.recorder.is_overdue(self._waiting_since, now):
             return (Wait('the recorder (recorder/progress)'),)
         self.recorder.give_up()
         line = Line('warning', 'the recorder does not respond; the run continues without it')
@@ -57,7 +57,7 @@ class LockStep(PlantCore):
         return self._continued(now)
 
     def on_pause(self, now: float, *, is_paused: bool) -> Actions:
-        """Stop, or continue with the command that is available."""
+        """Pause, or continue with the available command."""
         super().on_pause(now, is_paused=is_paused)
         return self._continued(now)
 
@@ -67,12 +67,12 @@ class LockStep(PlantCore):
         return self._continued(now)
 
     def _continued(self, now: float) -> Actions:
-        """Apply the available command, unless something holds the plant."""
+        """Apply the available command unless the plant is paused or waits for the recorder."""
         if self.is_over or not self.commands.is_complete:
             return NOTHING
         if self.is_paused and not self._single_steps:
             return NOTHING
-        if self.recorder.holds_up(self.robot.tick):
+        if self.recorder.must_wait(self.robot.tick):
             return NOTHING
         if self._single_steps:
             self._single_steps -= 1

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Real time: the robot moves when a period is over, by the last command."""
+"""Real time: the robot moves at the end of each period, by the last command."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from masmc_ros.errors import InputError
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.timing import LATE_TICKS, Timing
 from masmc_ros.numerics.aliases import Array
-from masmc_ros.plant.commands import CommandPart, Commands
 from masmc_ros.plant.core import Action, Actions, NOTHING, PlantCore, PublishAgain
+from masmc_ros.plant.latest_command import CommandPart, Commands
 from masmc_ros.throttle import Throttle
 
 _REPEATED = 0.02
@@ -27,7 +27,7 @@ _TICKS = 'ticks'
 
 
 class RealTime(PlantCore):
-    """Moves the robot by time, and applies a command until it is too old."""
+    """Plant that moves by time and uses a command until it is too old."""
 
     def __init__(
         self,
@@ -38,7 +38,21 @@ class RealTime(PlantCore):
         *,
         waits: bool,
     ) -> None:
-        """Initialise as `PlantCore`; with `waits` time starts with the first command."""
+        """
+        Initialise the core.
+
+        Parameters
+        ----------
+        robot, commands
+            Parts that belong to the core from now on.
+        timing
+            Control period and number of ticks of the run.
+        values
+            Checked parameter values of the plant; changes of live ones appear here.
+        waits
+            True if time starts with the first command.
+
+        """
         super().__init__(robot, timing, values, commands)
         self._runs = not waits
         self._woken = self._repeated = 0.0
@@ -46,10 +60,10 @@ class RealTime(PlantCore):
         self._due = -1
         self._throttle = Throttle(_QUIET)
 
-    def begin(self, now: float) -> Actions:
+    def start(self, now: float) -> Actions:
         """Publish the first state; time runs, or starts with the first command."""
         self._set_anchor(now)
-        return super().begin(now)
+        return super().start(now)
 
     def on_command(
         self, part: CommandPart, numbers: Array | None, answered: int | None, now: float
@@ -57,7 +71,7 @@ class RealTime(PlantCore):
         """Use a command to a state within the command timeout, or one that names no state."""
         oldest = 1e9 * self._values['command_timeout'] * self._values['real_time_factor']
         is_recent = answered is None or 0 <= self.stamp - answered <= oldest
-        if not (self.has_begun and is_recent):
+        if not (self.has_started and is_recent):
             self.dropped += 1
             return NOTHING
         part.take(numbers, answered, now)
@@ -67,13 +81,13 @@ class RealTime(PlantCore):
         return NOTHING
 
     def on_timer(self, now: float) -> Actions:
-        """Find the ticks that are due; while time stands still, repeat the state."""
+        """Update the ticks that are due; repeat the state while time stands still."""
         period, before = self._timing.period, self._woken
         self._woken = now
         if now - before > max(0.5 * self._values['command_timeout'], 10.0 * period):
-            # This process was late, and the robot's time with it; commands may be in the queue.
+            # The process was late, and the robot's time with it: new commands may be in the queue.
             self.commands.touch(now)
-        if self.is_over or not self.has_begun:
+        if self.is_over or not self.has_started:
             return NOTHING
         if self.is_paused or not self._runs:
             return self._repetition(now)
@@ -82,13 +96,13 @@ class RealTime(PlantCore):
         self._due = tick + int((now - since) * factor / period)
         behind = self._due - self.robot.tick
         if behind > 1:
-            self.lateness.add_late(behind - 1)  # by a period or more
+            self.lateness.add_late(behind - 1)
         if behind <= LATE_TICKS * max(1.0, factor):
             return NOTHING
-        self.lateness.add_given_up(behind - 1)
+        self.lateness.add_skipped(behind - 1)
         self._due = self.robot.tick + 1
         self._anchor = (now, self._due)
-        return self._lines(_TICKS, f'{behind - 1} ticks late; the plant goes on from here', now)
+        return self._lines(_TICKS, f'{behind - 1} ticks late; the plant skips them', now)
 
     @property
     def is_due(self) -> bool:
@@ -105,27 +119,27 @@ class RealTime(PlantCore):
 
     @property
     def timer_period(self) -> float:
-        """A control period; less if the robot's time runs faster."""
+        """Control period in s, or a shorter time if the robot's time runs faster."""
         return self._timing.period / max(1.0, self._values['real_time_factor'])
 
     def on_parameters(self, now: float) -> Actions:
-        """Let the robot's time run with the present factor from now on."""
+        """Use the changed real-time factor from now on."""
         self._set_anchor(now)
         return NOTHING
 
     def on_reset(self, now: float) -> Actions:
-        """Put the robot back; its time runs on from now."""
+        """Reset the robot to its initial state at t = 0 s; its time continues from `now`."""
         actions = super().on_reset(now)
         self._set_anchor(now)
         return actions
 
     def on_pause(self, now: float, *, is_paused: bool) -> Actions:
-        """Let the robot's time stop, or run on from now."""
+        """Pause the robot's time, or continue from `now`."""
         self._set_anchor(now)
         return super().on_pause(now, is_paused=is_paused)
 
     def on_step(self, now: float) -> Actions:
-        """Advance by the last command, however old: time stands still."""
+        """Advance by the last command of any age, because time stands still."""
         return self._advance(self.commands.held(), now)
 
     @property
@@ -137,7 +151,7 @@ class RealTime(PlantCore):
         self._anchor, self._due = (now, self.robot.tick), -1
 
     def _repetition(self, now: float) -> Actions:
-        """Repeat the state, so that a robot whose time stands still is not taken for silent."""
+        """Repeat the state, so the controller detects no timeout while time stands still."""
         if now - self._repeated <= _REPEATED:
             return NOTHING
         self._repeated = now
@@ -146,7 +160,7 @@ class RealTime(PlantCore):
     def _held_command(self, now: float) -> tuple[Actions, Array | None]:
         """Return lines about old commands, and the command; None without one."""
         timeout, lines = self._values['command_timeout'], NOTHING
-        # Topic by topic: the messages of a command arrive, and become old, one after the other.
+        # By topic, because the messages of one command arrive at different times.
         for topic in self.commands.drop_old(now, timeout):
             text = f'no command on {topic} for {timeout:g} s; the drives hold until one comes'
             lines += self._lines(topic, text, now)
@@ -157,8 +171,8 @@ class RealTime(PlantCore):
         return (Line('warning', text),) if self._throttle.is_due(subject, now) else NOTHING
 
     def _explained(self, error: InputError, now: float) -> InputError:
-        """Add a further possible cause: a machine that does not keep up."""
+        """Add a further possible cause: a machine that is too slow."""
         return InputError(
-            f'{error}, and a machine that keeps up with it; {self.lateness.total} ticks were '
-            f'late, the last command came {self.commands.age(now):.3f} s ago'
+            f'{error}, and a machine that is fast enough; {self.lateness.total} ticks were '
+            f'late, the last command arrived {self.commands.age(now):.3f} s ago'
         )

@@ -1,21 +1,21 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The tick up to which a recorder has written: lock-step stays within its queues."""
+"""Progress of a recorder, which limits the lead of lock-step to the length of its queues."""
 
 from __future__ import annotations
 
 import math
 
-_AHEAD = 800
-"""Ticks that lock-step may be ahead of what the recorder has written; its queues are deeper."""
+_MAX_LEAD = 800
+"""Largest lead of lock-step over the recorder in ticks; the recorder's queues are deeper."""
 
 _PATIENCE = 5.0
-"""Time in s after which a silent recorder no longer holds lock-step."""
+"""Time in s without a report after which lock-step no longer waits."""
 
 
 class RecorderPace:
-    """Reports of a recorder, and whether to wait for it."""
+    """Reports of a recorder."""
 
     def __init__(self) -> None:
         """Initialise without a recorder."""
@@ -24,28 +24,40 @@ class RecorderPace:
 
     @property
     def is_there(self) -> bool:
-        """Return True if a recorder has reported and was not given up."""
+        """Return True if a recorder has reported and is not ignored since then."""
         return self._reached is not None
 
-    def note(self, reached: int, tick: int, now: float) -> None:
-        """Note the tick up to which it has recorded; the robot is at `tick`."""
+    def report(self, reached: int, tick: int, now: float) -> None:
+        """
+        Process a report.
+
+        Parameters
+        ----------
+        reached
+            Tick up to which the recorder has written.
+        tick
+            Tick of the robot.
+        now
+            Time in s.
+
+        """
         self._reported = now
         # A report from before a reset, or to an earlier plant, does not belong to this run.
         self._reached = min(reached, tick)
 
-    def set_back(self) -> None:
-        """Note that nothing of the run, which restarts, is recorded."""
+    def restart(self) -> None:
+        """Restart with the run."""
         if self._reached is not None:
             self._reached = 0
 
-    def holds_up(self, tick: int) -> bool:
+    def must_wait(self, tick: int) -> bool:
         """Return True if a tick has to wait for the recorder."""
-        return self._reached is not None and tick - self._reached > _AHEAD
+        return self._reached is not None and tick - self._reached > _MAX_LEAD
 
-    def is_silent(self, since: float, now: float) -> bool:
-        """Return True if it has not reported for too long, in a wait that started at `since`."""
+    def is_overdue(self, since: float, now: float) -> bool:
+        """Return True if a wait from `since` on was too long without a report."""
         return now - max(since, self._reported) >= _PATIENCE
 
     def give_up(self) -> None:
-        """Run without it until it reports again."""
+        """Ignore the recorder until its next report."""
         self._reached = None

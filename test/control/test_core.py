@@ -86,7 +86,7 @@ class Core(RuleBasedStateMachine):
         self.torque, self.reset = np.zeros(4), True
         self.sent: tuple[str, int] | None = None
         self.position = np.array([0.0, 0.0, 1.57, 0.0, 0.0, 0.78, -1.57])
-        self.perform(self.core.begin())
+        self.perform(self.core.start())
 
     def perform(self, actions: Actions, state: int | None = None) -> None:
         """Apply the actions of an event, and check them."""

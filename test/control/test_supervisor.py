@@ -28,8 +28,8 @@ EVENTS = {
     'fail states': lambda s: s.fail('states', 'no states'),
     'fail reference': lambda s: s.fail('reference', f'{NO_REFERENCE} for 1 s'),
     'fail law': lambda s: s.fail('law', 'not finite', is_latched=True),
-    'recover states': lambda s: s.recover('states', is_anew=False),
-    'recover reference': lambda s: s.recover('reference', is_anew=True),
+    'recover states': lambda s: s.recover('states', is_restart=False),
+    'recover reference': lambda s: s.recover('reference', is_restart=True),
 }
 
 
@@ -41,7 +41,7 @@ def test_supervisor_text_shows_if_reference_is_followed(
     for event in events:
         EVENTS[event](supervisor)
         is_following = would_follow(supervisor.text)
-        supervisor.recover('reference', is_anew=True)
+        supervisor.recover('reference', is_restart=True)
         assert is_following == supervisor.is_active
 
 

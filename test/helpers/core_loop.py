@@ -83,7 +83,7 @@ class CoreLoop:
         self.state, self.reports = '', []
         self.is_over = False
         self.drives: Callable[[np.ndarray], np.ndarray] = lambda torque: torque
-        self.perform(self.core.begin())
+        self.perform(self.core.start())
 
     @property
     def now(self) -> float:

@@ -212,7 +212,7 @@ def test_joint_state_nan_effort_is_read_as_zero() -> None:
     ('fields', 'expected'),
     [
         ({'name': list(JOINTS[:-1])}, "joint 'arm_joint_2' is missing"),
-        ({'name': [*JOINTS, 'arm_joint_1']}, "joint 'arm_joint_1' is given 2 times"),
+        ({'name': [*JOINTS, 'arm_joint_1']}, "joint 'arm_joint_1' appears 2 times"),
         ({'position': [0.0] * 6}, 'position has 6 numbers for 7 joints'),
         ({'velocity': []}, 'velocity is empty; set velocity_source to estimated'),
         ({'velocity': [0.0] * 3}, 'velocity has 3 numbers for 7 joints'),
@@ -239,7 +239,7 @@ def test_joint_state_invalid_raises_and_keeps_content(
 @pytest.mark.parametrize(
     ('data', 'expected'),
     [
-        ([1.0] * 4, '4 numbers; it takes 2, the rates of arm_joint_1, arm_joint_2'),
+        ([1.0] * 4, '4 numbers; expected 2, the rates of arm_joint_1, arm_joint_2'),
         ([1.0, np.nan], "rate of 'arm_joint_2' is not a finite"),
     ],
 )
@@ -259,8 +259,8 @@ def test_command_of_other_kind_is_not_loaded() -> None:
 @pytest.mark.parametrize(
     ('data', 'expected'),
     [
-        ([1.0] * 3, '3 numbers; it takes 4'),
-        ([], '0 numbers; it takes 4'),
+        ([1.0] * 3, '3 numbers; expected 4'),
+        ([], '0 numbers; expected 4'),
         ([1.0, np.nan, 1.0, 1.0], "torque of 'wheel_left_joint' is not a finite"),
     ],
 )
@@ -301,7 +301,7 @@ def test_reference_window_other_label_or_length_is_not_read() -> None:
 @pytest.mark.parametrize(
     ('message', 'expected'),
     [
-        (array([1.0] * 5), 'a set-point of 5 numbers; it takes 4 positions, or 8'),
+        (array([1.0] * 5), 'a set-point of 5 numbers; expected 4 positions, or 8'),
         (array([1.0, np.nan, 1.0, 1.0]), 'number 1 is not finite'),
         (array([*HEAD, *[0.0] * 23], DIMENSIONS, 3), '26 numbers'),
         (array([0.0] * 24, DIMENSIONS, 0), 'data_offset 0'),

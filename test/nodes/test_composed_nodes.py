@@ -78,7 +78,7 @@ def test_composed_nodes_messages_of_other_process_received(tmp_path: Path) -> No
         wrong = EffortCdr()
         wrong.data[1] = float('inf')
         commands.publish(wrong.to_bytes())
-        tester.until(lambda: run.logged('ERROR', 'effort_commands refused'), 'a rejection')
+        tester.until(lambda: run.logged('ERROR', 'effort_commands rejected'), 'a rejection')
         gain = Parameter('observer_gain', Parameter.Type.DOUBLE, 0.25).to_parameter_msg()
         request = SetParameters.Request(parameters=[gain])
         tester.call(SetParameters, 'controller/set_parameters', request, again=False)

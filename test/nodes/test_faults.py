@@ -88,7 +88,7 @@ BAD: dict[Input, list[Bad]] = {
         (lambda t: joint_state(t, position=[0.0] * 6), 'position has 6 numbers for 7 joints'),
         (lambda t: joint_state(t, velocity=[0.0] * 8), 'velocity has 8 numbers for 7 joints'),
         (lambda t: joint_state(t, joint='arm_joint_3'), "'arm_joint_2' is missing"),
-        (lambda t: joint_state(t, joint='arm_joint_1'), "'arm_joint_1' is given 2 times"),
+        (lambda t: joint_state(t, joint='arm_joint_1'), "'arm_joint_1' appears 2 times"),
         (lambda t: joint_state(-(10**9)), 'stamp -1000000000 ns is negative'),
         (lambda t: GARBAGE, '8 bytes that are no JointState'),
         (lambda t: ours_with(t)[:-40], 'bytes that are no JointState'),
@@ -115,13 +115,13 @@ BAD: dict[Input, list[Bad]] = {
     ('plant', 'effort_commands', Float64MultiArray): [
         (lambda t: command(math.nan), 'is not a finite number'),
         (lambda t: Float64MultiArray(data=[0.0, math.inf, 0.0, 0.0]), "'wheel_left_joint' is not"),
-        (lambda t: Float64MultiArray(data=[0.0] * 3), '3 numbers; it takes 4'),
-        (lambda t: Float64MultiArray(data=[0.0] * 5), '5 numbers; it takes 4'),
+        (lambda t: Float64MultiArray(data=[0.0] * 3), '3 numbers; expected 4'),
+        (lambda t: Float64MultiArray(data=[0.0] * 5), '5 numbers; expected 4'),
         (lambda t: labelled('effort@soon'), "label 'effort@soon' is not"),
         (lambda t: GARBAGE, '8 bytes that are no Float64MultiArray'),
     ],
-    ('plant', 'recorder/progress', Time): [(lambda t: GARBAGE, 'recorder/progress refused')],
-    ('trajectory', 'controller/state', String): [(lambda t: GARBAGE, 'controller/state refused')],
+    ('plant', 'recorder/progress', Time): [(lambda t: GARBAGE, 'recorder/progress rejected')],
+    ('trajectory', 'controller/state', String): [(lambda t: GARBAGE, 'controller/state rejected')],
 }
 """Invalid messages for each node and topic, sent in sequence; all topics in parallel."""
 
@@ -157,7 +157,7 @@ def test_nodes_invalid_message_rejected_and_run_continues(tmp_path: Path) -> Non
         run.wait_for_progress()
         for (node, topic, _), bad in BAD.items():
             if node != 'trajectory':
-                counts_at_least(run, node, f'{topic} refused', len(bad))
+                counts_at_least(run, node, f'{topic} rejected', len(bad))
         run.end()
         # The recorder writes every message, and logs an error for those that it cannot read.
         assert run.nodes['recorder'].logged('ERROR', 'plant/parameters')
@@ -191,7 +191,7 @@ def check_rejected(run: LiveRun, publishers: dict[Input, Any], bad: dict[Input, 
 def lines(run: LiveRun, key: Input) -> list[str]:
     """Return a node's log lines about rejected messages of a topic."""
     node, topic, _ = key
-    return [line for line in run.nodes[node].logged('ERROR', ' refused: ') if topic in line]
+    return [line for line in run.nodes[node].logged('ERROR', ' rejected: ') if topic in line]
 
 
 def test_controller_foreign_states_and_clock_jumps_run_continues(tmp_path: Path) -> None:

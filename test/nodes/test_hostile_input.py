@@ -15,7 +15,7 @@ from benchmarks.hostile_client import HostileClient
 from builtin_interfaces.msg import Time
 from helpers.processes import BOUNDED, Peer, peer, processes, ros_arguments
 from masmc_ros.messages.parameter_record import ParameterRecord
-from masmc_ros.nodes.middleware.past import _Once
+from masmc_ros.nodes.middleware.past import _DuplicateFilter
 from masmc_ros.nodes.recorder.attachments import Attachments
 import pytest
 from rcl_interfaces.msg import Parameter, ParameterValue
@@ -152,7 +152,7 @@ def test_clock_wrong_time_rejected(tmp_path: Path) -> None:
 def test_once_large_messages_are_not_kept() -> None:
     """Large messages of two subscriptions are recognised without storing them."""
     passed: list[int] = []
-    once = _Once(lambda raw: passed.append(raw[0]), most=200)
+    once = _DuplicateFilter(lambda raw: passed.append(raw[0]), most=200)
     tracemalloc.start()
     try:
         for number in range(100):

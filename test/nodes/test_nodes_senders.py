@@ -150,7 +150,7 @@ def test_controller_valid_state_of_any_form_same_torque(
 INVALID_STATES = {
     'missing joint': (state([0, 1, 2, 3, 4, 5]), "'arm_joint_2' is missing"),
     'no joints': (JointState(), "'base_x_joint' is missing"),
-    'a joint twice': (state([0, 1, 2, 3, 4, 5, 6, 6]), "'arm_joint_2' is given 2 times"),
+    'a joint twice': (state([0, 1, 2, 3, 4, 5, 6, 6]), "'arm_joint_2' appears 2 times"),
     'short positions': (state(position=[0.0] * 6), 'position has 6 numbers for 7 joints'),
     'no velocities': (state(velocity=[]), 'set velocity_source to estimated'),
     'position not a number': (
@@ -322,8 +322,8 @@ def test_plant_real_time_four_unlabelled_numbers_applied(tmp_path: Path) -> None
         commands.publish(labelled.to_bytes())
         for bad, reason in (
             (Float64MultiArray(data=[1.0, math.nan, 1.0, 1.0]), "'wheel_left_joint' is not a"),
-            (Float64MultiArray(data=[1.0] * 3), '3 numbers; it takes 4'),
-            (Float64MultiArray(data=[1.0] * 7), '7 numbers; it takes 4'),
+            (Float64MultiArray(data=[1.0] * 3), '3 numbers; expected 4'),
+            (Float64MultiArray(data=[1.0] * 7), '7 numbers; expected 4'),
         ):
 
             def is_rejected(bad: Float64MultiArray = bad, reason: str = reason) -> bool:

@@ -134,7 +134,7 @@ def test_plant_paused_before_start_waits_at_first_state(tmp_path: Path) -> None:
             states = tester.collect(JointState, 'joint_states', raw=True)
             answers = tester.collect(Float64MultiArray, 'effort_commands', raw=True)
             answer = tester.call(SetBool, '/plant/pause', SetBool.Request(data=True))
-            assert answer.message == 'paused before the run has begun'
+            assert answer.message == 'paused before the start of the run'
             assert not tester.call(Trigger, '/plant/step', Trigger.Request()).success
             started.start_all(*ros_arguments(file), nodes=('controller', 'trajectory'))
             with peer(started.domain):
@@ -152,7 +152,7 @@ def test_plant_pause_response_has_time_of_standstill(tmp_path: Path) -> None:
         states = tester.collect(JointState, 'joint_states', raw=True)
         started.start_all(*ros_arguments(file), nodes=('plant', 'controller', 'trajectory'))
         message = tester.call(SetBool, '/plant/pause', SetBool.Request(data=True)).message
-        stamp = 0.0 if message == 'paused before the run has begun' else paused_at(message)
+        stamp = 0.0 if message == 'paused before the start of the run' else paused_at(message)
         tester.until(lambda: states and header_stamp(states[-1]) == round(1e9 * stamp), message)
         start = time.monotonic()
         tester.until(lambda: time.monotonic() > start + 0.2)

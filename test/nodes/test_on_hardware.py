@@ -238,19 +238,19 @@ def watched(folder: Path, **settings: Any) -> Iterator[tuple[Watched, Any]]:
 def test_controller_positions_only_need_velocity_estimation(tmp_path: Path) -> None:
     with watched(tmp_path) as (robot, controller):
         robot.tester.until(
-            lambda: robot.figure('joint_states refused') > 5,
+            lambda: robot.figure('joint_states rejected') > 5,
             lambda: f'rejections: {robot.health}',
         )
-        (line, *_) = controller.logged('ERROR', 'joint_states refused')
+        (line, *_) = controller.logged('ERROR', 'joint_states rejected')
         assert 'set velocity_source to estimated' in line
         assert robot.torques == []
         robot.tester.change('/controller', velocity_source='estimated')
         robot.moves_on()
-        rejected = robot.reported('joint_states refused')
+        rejected = robot.reported('joint_states rejected')
         # Some robots send values that are not finite for unknown velocities.
         robot.velocities = lambda velocity: [float('nan'), *velocity[1:3], float('inf'), 1e3]
         robot.moves_on()
-        assert robot.reported('joint_states refused') == rejected
+        assert robot.reported('joint_states rejected') == rejected
         # The robot reaches the reference without any measured velocity.
         robot.tester.until(
             lambda: len(robot.errors) > 1000 and np.abs(robot.errors[-1]).max() < 0.02,
@@ -258,7 +258,7 @@ def test_controller_positions_only_need_velocity_estimation(tmp_path: Path) -> N
         )
         assert 'fault' not in ''.join(robot.controller_states)
         robot.velocities = lambda velocity: [0.0]
-        robot.tester.until(lambda: robot.figure('joint_states refused') > rejected, 'rejections')
+        robot.tester.until(lambda: robot.figure('joint_states rejected') > rejected, 'rejections')
 
 
 def test_controller_missing_velocity_of_driven_joint_rejected(
@@ -267,10 +267,10 @@ def test_controller_missing_velocity_of_driven_joint_rejected(
     with watched(tmp_path) as (robot, controller):
         robot.velocities = lambda velocity: [*velocity[:4], float('nan')]
         robot.tester.until(
-            lambda: robot.figure('joint_states refused') > 5,
+            lambda: robot.figure('joint_states rejected') > 5,
             lambda: f'rejections: {robot.health}',
         )
-        (line, *_) = controller.logged('ERROR', 'joint_states refused')
+        (line, *_) = controller.logged('ERROR', 'joint_states rejected')
         assert "velocity of 'wheel_left_joint' is not a finite number; set velocity_sou" in line
         assert robot.torques == []
         # Velocities that the controller does not use may be unknown.
@@ -293,10 +293,10 @@ def test_controller_late_pose_accepted_missing_pose_rejected(
             robot.tester.until(lambda s=stamp: robot.answered[-1] == s, 'an answer')
             robot.is_on = True
             robot.moves_on(20)
-        assert np.isnan(robot.reported('joint_states refused')), robot.health
+        assert np.isnan(robot.reported('joint_states rejected')), robot.health
         robot.publishes_pose = False
-        robot.tester.until(lambda: robot.figure('joint_states refused') > 5, 'rejections')
-        assert controller.logged('ERROR', 'joint_states refused: odom is 0.')
+        robot.tester.until(lambda: robot.figure('joint_states rejected') > 5, 'rejections')
+        assert controller.logged('ERROR', 'joint_states rejected: odom is 0.')
         robot.publishes_pose = True
         robot.moves_on()
 

@@ -13,8 +13,8 @@ from diagnostic_msgs.msg import DiagnosticArray
 from helpers.processes import peer, processes, ros_arguments
 from masmc_ros.nodes.plant.health import PlantHealth
 from masmc_ros.nodes.process.diagnostics import Health, OK, WARN
-from masmc_ros.nodes.process.refusals import Refusals
-from masmc_ros.plant.lateness import BEARABLE_SHARE, Lateness
+from masmc_ros.nodes.process.rejected_messages import RejectedMessages
+from masmc_ros.plant.lateness import Lateness, TOLERATED_SHARE
 import pytest
 
 SHARE = 'late ticks in the last second (%)'
@@ -24,14 +24,14 @@ OLDER = 'ticks under an older command in the last second (%)'
 
 def report(health: PlantHealth, ticks: int) -> Health:
     return health.report(
-        None, [], Refusals(None), state='real time',
+        None, [], RejectedMessages(None), state='real time',
         ticks=ticks, dropped=0, command_age=0.0, slip=None,
     )  # fmt: skip
 
 
 @pytest.mark.parametrize(('late', 'level'), [(0, OK), (2, OK), (3, WARN), (100, WARN)])
 def test_lateness_above_limit_warns(late: int, level: bytes) -> None:
-    assert BEARABLE_SHARE == 0.02
+    assert TOLERATED_SHARE == 0.02
     lateness = Lateness(0.01)
     health = PlantHealth(0.01, lateness)
     for _ in range(100):
@@ -56,7 +56,7 @@ def test_lateness_time_given_up_reported() -> None:
     for number in range(60):
         lateness.add_tick(is_older=number < 15)
     lateness.add_late(40)
-    lateness.add_given_up(40)
+    lateness.add_skipped(40)
     figures, warning = lateness.report(1.0)
     assert (figures[SHARE], figures[BEHIND], figures[OLDER]) == ('40.0', '0.400', '25.0')
     assert 'fell behind by 0.400 s' in warning

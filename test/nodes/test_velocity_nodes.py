@@ -258,21 +258,21 @@ def test_velocity_interface_invalid_messages_rejected(is_stamped: bool, tmp_path
         arms = run.tester.publisher(Float64MultiArray, 'arm_velocity_commands')
         run.injected.add(nan_for_the_arm())
         for bad, reason in (
-            (twist_of(run, is_stamped, linear=Vector3(x=math.nan)), 'linear.x = nan, expected'),
+            (twist_of(run, is_stamped, linear=Vector3(x=math.nan)), 'linear.x = nan: expected'),
             (twist_of(run, is_stamped, angular=Vector3(y=math.inf)), 'angular.y = inf, expected'),
             (GARBAGE, '8 bytes that are no'),
         ):
             check_rejection(run, twists, 'cmd_vel', bad, reason)
         for bad, reason in (
-            (Float64MultiArray(data=[0.0] * 4), '4 numbers; it takes 2'),
-            (Float64MultiArray(data=[]), '0 numbers; it takes 2'),
+            (Float64MultiArray(data=[0.0] * 4), '4 numbers; expected 2'),
+            (Float64MultiArray(data=[]), '0 numbers; expected 2'),
             (Float64MultiArray(data=[0.0, math.nan]), "'arm_joint_2' is not"),
             (nan_for_the_arm(), "the rate of 'arm_joint_2' is not a finite number"),
             (GARBAGE, '8 bytes that are no'),
         ):
             check_rejection(run, arms, 'arm_velocity_commands', bad, reason)
         for topic, count in (('cmd_vel', 3), ('arm_velocity_commands', 5)):
-            counts_at_least(run, 'plant', f'{topic} refused', count)
+            counts_at_least(run, 'plant', f'{topic} rejected', count)
         run.wait_for_progress()
         pytest.importorskip('foxglove')
         live = run.started.start('live', *['--ros-args', '-p', 'port:=0', '-p', 'rate:=10.0'])
@@ -321,13 +321,13 @@ DISAGREEMENTS = {
     'the other way round': (
         {'controller__command_interface': 'velocity'},
         'controller: it sends cmd_vel and arm_velocity_commands, and with command_interface'
-        ' effort the plant takes effort_commands',
+        ' effort the plant uses effort_commands',
         'command_interface = velocity, and the plant has effort',
     ),
     'type': (
         {**RATES, 'controller__enable_stamped_cmd_vel': 'true'},
         'controller: its cmd_vel is geometry_msgs/msg/TwistStamped, and with'
-        ' enable_stamped_cmd_vel false the plant takes geometry_msgs/msg/Twist',
+        ' enable_stamped_cmd_vel false the plant uses geometry_msgs/msg/Twist',
         'enable_stamped_cmd_vel = true, and the plant has false',
     ),
 }

@@ -17,7 +17,7 @@ from helpers.processes import NODES, PAPER, processes, ros_arguments
 from masmc_ros.cli.main import main
 from masmc_ros.nodes.plant.health import PlantHealth
 from masmc_ros.nodes.process.diagnostics import OK, WARN
-from masmc_ros.nodes.process.refusals import Refusals
+from masmc_ros.nodes.process.rejected_messages import RejectedMessages
 from masmc_ros.plant.lateness import Lateness
 import mujoco  # noqa: F401 (without it there is nothing to test)
 
@@ -60,7 +60,8 @@ def test_contact_nodes_real_time_diagnostics_report_slip(tmp_path: Path) -> None
 def test_plant_health_slip_beyond_creep_is_warning() -> None:
     for slip, level in ((None, OK), (0.01, OK), (0.2, WARN)):
         health = PlantHealth(0.001, Lateness(0.001)).report(
-            None, [], Refusals(None), state='runs', ticks=1, dropped=0, command_age=0.0, slip=slip
+            None, [], RejectedMessages(None), state='runs', ticks=1, dropped=0, command_age=0.0,
+            slip=slip,
         )
         assert health.level == level
         reported = health.values.get('fastest slip of a wheel (m/s)')

@@ -16,7 +16,6 @@ from masmc_ros.loop.simulated_robot import plant_of
 from masmc_ros.loop.timing import LATE_TICKS, Timing
 from masmc_ros.params.declaration import check_all
 from masmc_ros.params.node_parameters import declared
-from masmc_ros.plant.commands import CommandPart, Commands
 from masmc_ros.plant.core import (
     Actions,
     AwaitCommand,
@@ -26,6 +25,7 @@ from masmc_ros.plant.core import (
     Publish,
     PublishAgain,
 )
+from masmc_ros.plant.latest_command import CommandPart, Commands
 from masmc_ros.plant.lockstep import LockStep
 from masmc_ros.plant.real_time import RealTime
 from masmc_ros.robot.registry import mechanism_from
@@ -81,7 +81,7 @@ def test_lockstep_random_events_one_state_per_command(events: list[str]) -> None
     core = core_of(LockStep)
     # Before the first state every command is dropped.
     assert (command(core, stamp=0), core.dropped) == (NOTHING, 1)
-    assert published(core.begin(0.0)) == 1
+    assert published(core.start(0.0)) == 1
     is_paused, steps, dropped, has_command = False, 0, 1, False
     for event in events:
         tick = core.robot.tick
@@ -118,7 +118,7 @@ def test_lockstep_random_events_one_state_per_command(events: list[str]) -> None
 
 def test_lockstep_two_command_parts_waits_for_both() -> None:
     core = core_of(LockStep, parts=2)
-    core.begin(0.0)
+    core.start(0.0)
     first, second = core.commands.parts
     assert core.on_command(second, TORQUE[2:], core.stamp, 0.0) == NOTHING
     core.on_timer(0.0)
@@ -128,7 +128,7 @@ def test_lockstep_two_command_parts_waits_for_both() -> None:
 
 def test_lockstep_recorder_without_progress_no_longer_awaited() -> None:
     core = core_of(LockStep)
-    core.begin(0.0)
+    core.start(0.0)
     core.on_recorded(0, 0.0)
     for _ in range(AHEAD + 1):
         assert published(command(core)) == 1
@@ -152,7 +152,7 @@ def test_lockstep_recorder_without_progress_no_longer_awaited() -> None:
 @pytest.mark.parametrize('kind', [LockStep, RealTime])
 def test_plant_core_last_tick_ends_run_once(kind: type[PlantCore]) -> None:
     core = core_of(kind, **({'waits': False} if kind is RealTime else {}))
-    core.begin(10.0)
+    core.start(10.0)
     core.robot.tick = last = round(50.0 / PERIOD)
     core.stamp = round(last * PERIOD * 1e9)
     if kind is LockStep:
@@ -188,7 +188,7 @@ def running(**options: Any) -> tuple[RealTime, Clock]:
     core = core_of(RealTime, **{'waits': False, **options})
     assert isinstance(core, RealTime)
     clock = Clock(core)
-    core.begin(clock.now)
+    core.start(clock.now)
     return core, clock
 
 
@@ -249,7 +249,7 @@ def test_real_time_late_process_reads_queue_before_timeout() -> None:
 
 def test_plant_core_robot_diverges_run_fails() -> None:
     core = core_of(LockStep, changed={'torque_limit': (0.0,) * 4})
-    core.begin(0.0)
+    core.start(0.0)
     part = core.commands.parts[0]
     actions: Actions = NOTHING
     while not core.is_over:

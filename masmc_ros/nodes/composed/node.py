@@ -18,19 +18,19 @@ from masmc_ros.nodes.trajectory.node import TrajectoryNode
 def main(arguments: list[str] | None = None) -> int:
     """Run plant, trajectory and controller, and with `--record` the recorder."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
-    made: list[ControllerNode] = []
+    controllers: list[ControllerNode] = []
 
-    def controller(**process: Any) -> ControllerNode:
-        made.append(ControllerNode(**process))
-        return made[0]
+    def create_controller(**options: Any) -> ControllerNode:
+        controllers.append(ControllerNode(**options))
+        return controllers[0]
 
-    def plant(**process: Any) -> PlantNode:
-        # Apart they wait for each other; in one process no topic can have two types.
-        node = PlantNode(**process)
-        check_agreement(node.values, made[0].values)
+    def create_plant(**options: Any) -> PlantNode:
+        # In one process no topic can have two types. Separate processes wait for each other.
+        node = PlantNode(**options)
+        check_agreement(node.values, controllers[0].values)
         return node
 
-    nodes: list[Factory] = [TrajectoryNode, controller, plant]
+    nodes: list[Factory] = [TrajectoryNode, create_controller, create_plant]
     if '--record' in arguments:
         from masmc_ros.nodes.recorder.node import RecorderNode
 

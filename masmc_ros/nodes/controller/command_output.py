@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Commands of the controller: torques on one topic, or velocities on two."""
+"""Publishers of the commands: torques on one topic, or velocities on two."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from rclpy.publisher import Publisher
 from std_msgs.msg import Float64MultiArray
 
 Advertise = Callable[[Any, str], Publisher]
-"""Makes a publisher of a message type and a topic."""
+"""Function that creates a publisher for a message type and a topic."""
 
 
 class CommandOutput(Protocol):
     """
-    The commands that answer states.
+    Commands that respond to states.
 
     Attributes
     ----------
     publishers
-        of the topics that the robot is commanded on.
+        Publishers of the command topics.
 
     """
 
@@ -39,60 +39,60 @@ class CommandOutput(Protocol):
         """Create the publishers."""
 
     def send(self, stamp: int) -> None:
-        """Send what the controller has computed, as the answer to the state of a stamp in ns."""
+        """Send the controller's result as the response to the state of a stamp in ns."""
 
-    def send_none(self, stamp: int) -> None:
-        """Send as the answer to a state that nothing is commanded: zeros."""
+    def send_void(self, stamp: int) -> None:
+        """Send a void command as the response to the state of a stamp in ns."""
 
     def repeat(self) -> None:
-        """Send once more what was sent last."""
+        """Send the last command again."""
 
     def figures(self) -> dict[str, str]:
         """Return figures of the command for /diagnostics."""
 
 
 class TorqueOutput:
-    """Torques (N m) on effort_commands."""
+    """Torques (N·m) on effort_commands."""
 
     def __init__(self, controller: Controller, joints: Sequence[str]) -> None:
-        """Take the controller, whose torque is sent, and the joints' names."""
+        """Initialise with the controller, whose torque is sent, and the names of the joints."""
         self.publishers: list[Publisher] = []
         self._torque = controller.torque
         kind = EFFORT.named(joints)
         self._effort = CommandWriter(kind, self._torque)
         self._void = CommandWriter(kind, np.zeros(len(joints)), is_void=True)
-        self._answered = b''
+        self._sent = b''
 
     def connect(self, advertise: Advertise) -> None:
         """Create the publisher."""
         self.publishers = [advertise(Float64MultiArray, COMMAND_TOPIC)]
 
     def send(self, stamp: int) -> None:
-        """Send the torques as the answer to the state of a stamp in ns."""
+        """Send the torques as the response to the state of a stamp in ns."""
         self._send(self._effort.to_bytes(stamp))
 
-    def send_none(self, stamp: int) -> None:
-        """Send no torque as the answer to a state: drives that can hold do so."""
+    def send_void(self, stamp: int) -> None:
+        """Send a void command as the response to a state; drives then hold zero velocity."""
         self._send(self._void.to_bytes(stamp))
 
     def repeat(self) -> None:
-        """Send once more what was sent last."""
-        self.publishers[0].publish(self._answered)
+        """Send the last command again."""
+        self.publishers[0].publish(self._sent)
 
     def figures(self) -> dict[str, str]:
         """Return the largest torque."""
         return {'largest torque (N m)': f'{float(np.abs(self._torque).max()):.6g}'}
 
     def _send(self, raw: bytes) -> None:
-        self._answered = raw
+        self._sent = raw
         self.repeat()
 
 
 class RateOutput:
-    """The base's velocities on cmd_vel, then the other joints' rates on a topic of their own."""
+    """Velocities of the base on cmd_vel, and of the other joints on a separate topic."""
 
     def __init__(self, controller: Controller, values: Mapping[str, Any]) -> None:
-        """Take the controller and its parameter values; InputError for a bad frame prefix."""
+        """Initialise with the controller and its parameters; InputError for a bad frame prefix."""
         self.publishers: list[Publisher] = []
         prefix = check_frame_prefix(values['frame_prefix'])
         base = controller.mechanism.frames[0][1]
@@ -101,12 +101,12 @@ class RateOutput:
         if values['enable_stamped_cmd_vel']:
             self._twist, self._type = TwistStampedCdr(prefix, base), TwistStamped
         self._mechanism = controller.mechanism
-        own = [joint.name for joint in self._mechanism.own_rates]
-        self._own = np.zeros(len(own))
-        self._own_writer = CommandWriter(ARM_VELOCITY.named(own), self._own)
+        joints = [joint.name for joint in self._mechanism.own_rates]
+        self._joint_rates = np.zeros(len(joints))
+        self._joint_writer = CommandWriter(ARM_VELOCITY.named(joints), self._joint_rates)
         self._command = controller.velocity_command
-        self._none = np.zeros(len(self._command))
-        self._answered = b'', b''
+        self._zeros = np.zeros(len(self._command))
+        self._sent = b'', b''
 
     def connect(self, advertise: Advertise) -> None:
         """Create the publishers."""
@@ -116,29 +116,28 @@ class RateOutput:
         ]
 
     def send(self, stamp: int) -> None:
-        """Send the rates as the answer to the state of a stamp in ns."""
+        """Send the velocities as the response to the state of a stamp in ns."""
         self._send(self._command, stamp)
 
-    def send_none(self, stamp: int) -> None:
-        """Send zero rates as the answer to a state."""
-        self._send(self._none, stamp)
+    def send_void(self, stamp: int) -> None:
+        """Send zero velocities as the response to the state of a stamp in ns."""
+        self._send(self._zeros, stamp)
 
     def repeat(self) -> None:
-        """Send once more what was sent last; first the twist, which may name no state."""
-        for publisher, raw in zip(self.publishers, self._answered, strict=True):
+        """Send the last command again, first the twist, which may have no stamp."""
+        for publisher, raw in zip(self.publishers, self._sent, strict=True):
             publisher.publish(raw)
 
     def figures(self) -> dict[str, str]:
-        """Return speed and rates."""
+        """Return the commanded velocities."""
         twist, rates = self._mechanism.twist, self._command.tolist()
-        others = rates[len(twist):]
         return {
             **{
-                f'{each.name} ({each.unit})': f'{rate:.6g}'
-                for each, rate in zip(twist, rates, strict=False)
+                f'{velocity.name} ({velocity.unit})': f'{rate:.6g}'
+                for velocity, rate in zip(twist, rates, strict=False)
             },
             f"{self._mechanism.groups[-1].name}'s rates (rad/s)": ', '.join(
-                f'{rate:.6g}' for rate in others
+                f'{rate:.6g}' for rate in rates[len(twist):]
             ),
         }
 
@@ -146,10 +145,10 @@ class RateOutput:
         twist = self._twist
         if isinstance(twist, TwistStampedCdr):
             twist.set_stamp(stamp)
-        places = self._mechanism.twist
-        for velocity, number in zip(places, command, strict=False):
+        velocities = self._mechanism.twist
+        for velocity, number in zip(velocities, command, strict=False):
             part, axis = divmod(velocity.place, 3)
             (twist.linear, twist.angular)[part][axis] = number
-        self._own[:] = command[len(places):]
-        self._answered = twist.to_bytes(), self._own_writer.to_bytes(stamp)
+        self._joint_rates[:] = command[len(velocities):]
+        self._sent = twist.to_bytes(), self._joint_writer.to_bytes(stamp)
         self.repeat()

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The controller's report on /diagnostics."""
+"""Report of the controller on /diagnostics."""
 
 from __future__ import annotations
 
@@ -15,48 +15,60 @@ from masmc_ros.nodes.controller.command_output import CommandOutput
 from masmc_ros.nodes.controller.saturation import Saturation
 from masmc_ros.nodes.controller.tick_times import TickTimes
 from masmc_ros.nodes.process.diagnostics import ERROR, Health, OK, senders, WARN
-from masmc_ros.nodes.process.refusals import Refusals
+from masmc_ros.nodes.process.rejected_messages import RejectedMessages
 import numpy as np
 from rclpy.clock import Clock, ROSClock
 from rclpy.node import Node
 
-_ONE_CLOCK = 1e3
-"""Stamps within so many s of the node's time are on its clock; others are on another one."""
+_SAME_CLOCK = 1e3
+"""Largest difference in s between a stamp and the node's time if both have the same clock."""
 
 _SKIPPED_SHARE = 0.05
-"""Share of control periods without a command of their own that is reported as a warning."""
+"""Share of control periods without a separate command above which a warning is reported."""
 
-_MOST_AGES = 100_000
-"""States whose ages are kept between two reports."""
+_MAX_AGES = 100_000
+"""Largest number of ages of states between two reports."""
 
 
 class ControllerHealth:
-    """Counts what happens between two reports, and words the report."""
+    """Report of the controller, with counts since the last report."""
 
     def __init__(self, period: float, clock: Clock, joints: Sequence[str]) -> None:
-        """Take the control period in s, the node's clock and the driven joints' names."""
+        """
+        Initialise the counts.
+
+        Parameters
+        ----------
+        period
+            Control period in s.
+        clock
+            Clock of the node.
+        joints
+            Names of the driven joints.
+
+        """
         self._ticks = TickTimes(period)
         self._clock = clock
-        # Asked once a report: the node's clock takes longer to read than a tick to compute.
+        # Updated once a report: reading the node's clock takes longer than computing a tick.
         self._is_simulated = _is_simulated(clock)
         self._saturation = Saturation(joints)
         self._ages: list[float] = []
         self._problems = self._skipped = self._computed = 0
         self._largest_error = 0.0
 
-    def computed(self, controller: Controller) -> None:
-        """Note that the controller has computed a torque."""
+    def add_tick(self, controller: Controller) -> None:
+        """Count a tick for which the controller has computed a torque."""
         self._saturation.add(controller)
         self._computed += 1
-        # Python's own numbers: a few of them are compared faster than NumPy starts to.
+        # For a few numbers Python's comparisons are faster than a call of NumPy.
         self._largest_error = max(self._largest_error, *map(abs, controller.error.tolist()))
 
-    def answered(self, stamp: int, arrival: float) -> None:
-        """Note that a state of a stamp in ns that has come at a steady time in s is answered."""
+    def add_response(self, stamp: int, arrival: float) -> None:
+        """Count the response to a state: its stamp in ns, and its monotonic arrival time in s."""
         self._ticks.add(time.monotonic() - arrival)
         now = self._clock.now().nanoseconds if self._is_simulated else time.time_ns()
         age = 1e-9 * (now - stamp)
-        if abs(age) < _ONE_CLOCK and len(self._ages) < _MOST_AGES:
+        if abs(age) < _SAME_CLOCK and len(self._ages) < _MAX_AGES:
             self._ages.append(age)
 
     def report(
@@ -64,9 +76,23 @@ class ControllerHealth:
         node: Node,
         output: CommandOutput,
         core: ControllerCore,
-        refusals: Refusals,
+        rejected_messages: RejectedMessages,
     ) -> Health:
-        """Return how the controller is."""
+        """
+        Return the report and restart the counts.
+
+        Parameters
+        ----------
+        node
+            Node of the controller.
+        output
+            Publishers of the commands.
+        core
+            State machine of the controller.
+        rejected_messages
+            Counts of rejected messages.
+
+        """
         supervisor, controller, counts = core.supervisor, core.controller, core.counts
         silence = max(0.0, time.monotonic() - core.arrival)
         values = {
@@ -83,7 +109,7 @@ class ControllerHealth:
             '|theta_hat|': f'{float(np.linalg.norm(controller.estimate)):.6g}',
             **self._saturation.report(),
             **output.figures(),
-            **{f'{topic} refused': str(count) for topic, count in refusals.counts.items()},
+            **rejected_messages.figures(),
         }
         self._is_simulated = _is_simulated(self._clock)
         if self._ages:
@@ -91,31 +117,31 @@ class ControllerHealth:
             values['age of answered states, mean (ms)'] = f'{1e3 * mean:.3f}'
             values['age of answered states, most (ms)'] = f'{1e3 * max(self._ages):.3f}'
             self._ages.clear()
-        me = node.get_fully_qualified_name()
-        others = {}
+        own_name = node.get_fully_qualified_name()
+        has_others = False
         for publisher in output.publishers:
-            found = senders(node, publisher.topic_name)
-            if me in found:
-                found.remove(me)
-            if found:
-                others[publisher.topic_name.rpartition('/')[2]] = ', '.join(found)
-        problems = sum(refusals.counts.values()) + counts.late + counts.gaps + self._ticks.overruns
+            names = senders(node, publisher.topic_name)
+            # Another node may have the same name: only one publisher is this node's.
+            if own_name in names:
+                names.remove(own_name)
+            if names:
+                has_others = True
+                values[f"others on {publisher.topic_name.rpartition('/')[2]}"] = ', '.join(names)
+        problems = rejected_messages.total + counts.late + counts.gaps + self._ticks.overruns
         is_worse, self._problems = problems > self._problems, problems
         lateness = self._lateness(counts.skipped)
-        for topic, names in others.items():
-            values[f'others on {topic}'] = names
         if supervisor.state == FAULT:
             return Health(ERROR, supervisor.text, values)
-        if others:
-            return Health(WARN, 'others command the robot too', values)
+        if has_others:
+            return Health(WARN, 'another node commands the robot too', values)
         if supervisor.state == ACTIVE and lateness:
             return Health(WARN, lateness, values)
         if supervisor.state == ACTIVE and is_worse:
-            return Health(WARN, 'messages refused or late, or ticks too long', values)
+            return Health(WARN, 'messages rejected or late, or ticks too long', values)
         return Health(OK, supervisor.text, values)
 
     def _lateness(self, skipped: int) -> str:
-        """Return what late states and ticks cost since the last report; empty for little."""
+        """Return a warning about periods that were skipped since the last report, '' if few."""
         count, self._skipped = skipped - self._skipped, skipped
         total, self._computed = count + self._computed, 0
         error, self._largest_error = self._largest_error, 0.0
@@ -124,10 +150,10 @@ class ControllerHealth:
         return (
             f'{count} of {total} control periods had no command of their own: their torque is '
             f'that of an earlier state, and |e| reached {error:.3g}; use a longer control_period, '
-            'or publish less (telemetry_decimation, tf_decimation)'
+            'or publish fewer messages (telemetry_decimation, tf_decimation)'
         )
 
 
 def _is_simulated(clock: Clock) -> bool:
-    """Return True if a node's clock follows /clock; else it is the system's."""
+    """Return True if a node's clock uses /clock instead of the system clock."""
     return isinstance(clock, ROSClock) and bool(clock.ros_time_is_active)

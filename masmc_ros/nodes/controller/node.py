@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The controller node: answers every state with a torque, or with rates."""
+"""The controller node: responds to each state with torques or velocities."""
 
 from __future__ import annotations
 
@@ -46,10 +46,10 @@ from masmc_ros.nodes.controller.state_input import StateInput
 from masmc_ros.nodes.controller.telemetry import ControllerTelemetry
 from masmc_ros.nodes.middleware.past import subscribe_with_past
 from masmc_ros.nodes.parameters.ros_parameters import Pending
-from masmc_ros.nodes.process.base import Recorded, SuiteNode
+from masmc_ros.nodes.process.base import SuiteNode
 from masmc_ros.nodes.process.command_line import CommandLine
 from masmc_ros.nodes.process.diagnostics import publish_health
-from masmc_ros.nodes.process.refusals import Refusals
+from masmc_ros.nodes.process.rejected_messages import RejectedMessages
 from masmc_ros.nodes.process.runtime import run
 from masmc_ros.params.text import yaml_text
 from masmc_ros.reference.approach import Approach
@@ -63,17 +63,17 @@ from rclpy.context import Context
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
-_WATCH = 0.02
-"""Time in s between two looks at how long states and reference have been away."""
+_WATCH_PERIOD = 0.02
+"""Time in s between two checks for missing states and for compiled laws."""
 
 
 class ControllerNode(SuiteNode):
-    """Turns joint_states and reference into commands, tick by tick."""
+    """Node that computes commands from joint_states and the reference."""
 
     name = 'controller'
 
     def __init__(self, *, context: Context, command_line: CommandLine) -> None:
-        """Make the controller and compile its tick."""
+        """Create the controller and compile its tick."""
         super().__init__(context=context, command_line=command_line, check=_check_law)
         values = self.values
         timing = Timing.from_values(values)
@@ -81,7 +81,7 @@ class ControllerNode(SuiteNode):
         self._controller = controller = Controller(robot, timing.period, values)
         approach = Approach(robot, values['approach_speed'])
         self._core = ControllerCore(controller, approach, LayerWatch(controller), timing, values)
-        self._refusals = Refusals(self.log)
+        self._rejected_messages = RejectedMessages(self.log)
         joints = driven_joint_names(values)
         self._health = ControllerHealth(timing.period, self.node.get_clock(), joints)
         self._output: CommandOutput = (
@@ -92,13 +92,13 @@ class ControllerNode(SuiteNode):
         self._performers: dict[type, Callable[[Any], None]] = {
             Command: self._send,
             StopCommand: self._send_stop,
-            Void: self._send_none,
-            Halt: lambda action: self._output.send_none(action.stamp),
+            Void: self._send_void,
+            Halt: lambda action: self._output.send_void(action.stamp),
             HaltCommand: lambda action: self._output.send(action.stamp),
             Telemetry: lambda action: self._telemetry.send(action.stamp),
             Repeat: lambda _: self._output.repeat(),
-            Record: self._tell_record,
-            State: self._tell_state,
+            Record: self.record_parameters,
+            State: self._publish_state,
             Line: lambda action: _log(self.log, action.level, action.text),
             Wait: lambda action: self.wait(action.reason),
             Failure: lambda action: self.fail(action.error),
@@ -109,7 +109,7 @@ class ControllerNode(SuiteNode):
         self._preparation = prepare(controller.mechanism)
 
     def connect(self) -> None:
-        """Create the topics: commands and telemetry out, reference and states in."""
+        """Create the publishers, services, timers and subscriptions."""
         super().connect()
         node, core = self.node, self._core
         self._output.connect(self.publisher)
@@ -122,26 +122,26 @@ class ControllerNode(SuiteNode):
         node.create_service(Trigger, '~/emergency_stop', self._on_stop)
         node.create_service(Trigger, '~/clear_fault', self._on_clear)
         node.create_service(Trigger, '~/reset_adaptation', self._on_reset)
-        self._perform(core.begin())
+        self._perform(core.start())
         self.parameters.on_request(self._request)
         self.parameters.on_change(lambda changed: self._perform(core.on_parameters(changed)))
-        node.create_timer(_WATCH, self._watch, clock=self.steady)
+        node.create_timer(_WATCH_PERIOD, self._watch, clock=self.steady)
         publish_health(
             node,
             self.latched(DiagnosticArray, '/diagnostics'),
             self.steady,
-            lambda: self._health.report(node, self._output, core, self._refusals),
+            lambda: self._health.report(node, self._output, core, self._rejected_messages),
         )
         subscribe_with_past(
             node, String, 'plant/parameters', self._on_plant_parameters, depth=100
         )
         axes = len(self._controller.mechanism.axes)
-        ReferenceInput(node, axes, self._refusals, self._on_reference)
-        StateInput(node, self.values, self._refusals, self._on_state)
+        ReferenceInput(node, axes, self._rejected_messages, self._on_reference)
+        StateInput(node, self.values, self._rejected_messages, self._on_state)
         self.wait('the plant (joint_states)')
 
     def close(self, spin: Callable[[], None]) -> None:
-        """End the torque in real time, deliver what was published, and stop compiling."""
+        """Send a void command in real time, deliver all messages, and stop compiling."""
         if self._preparation is not None:
             self._preparation.kill()
             self._preparation.wait()
@@ -151,7 +151,7 @@ class ControllerNode(SuiteNode):
         super().close(spin)
 
     def _compile(self) -> None:
-        """Compute a tick and a safe stop without effect, so that the first ones are not late."""
+        """Compute a tick and a safe stop without effect, so the first ones are not late."""
         sizes = self._controller.mechanism.sizes
         position, velocity = np.ones(sizes['positions']), np.zeros(sizes['positions'])
         reference = np.zeros(sizes['desired'])
@@ -165,18 +165,18 @@ class ControllerNode(SuiteNode):
             approach.begin()
             approach.watch(stamp, reference.copy())
             approach.follow(stamp, position, np.zeros(sizes['joints']), reference)
-        # A reference between two samples, which a robot's own stamps ask for sooner or later.
+        # A stamp between two samples, as a real robot sends them.
         windows = ReferenceWindows(len(self._controller.mechanism.axes))
         windows.add(0, 1e-6, np.zeros((2, sizes['desired'])))
         windows.at(500)
 
     def _request(self, values: dict[str, Any]) -> Pending:
-        """Let requested values take effect, those that need other code when it is ready."""
+        """Apply requested values, those that need other compiled code when it is ready."""
         effect = self._law_change.request(values, waits=self._is_lockstep)
-        self._carry_out(effect)
+        self._apply(effect)
         return Pending(effect.text, effect.withdrawn)
 
-    def _carry_out(self, effect: Effect) -> None:
+    def _apply(self, effect: Effect) -> None:
         if effect.withdrawn:
             self.log.warning(effect.text)
         elif effect.text:
@@ -207,22 +207,22 @@ class ControllerNode(SuiteNode):
         if effect is not None:
             if effect.withdrawn:
                 self.parameters.withdraw(effect.withdrawn)
-            self._carry_out(effect)
+            self._apply(effect)
 
     def _on_enable(self, request: Any, response: Any) -> Any:
         actions = self._core.on_enable(time.monotonic(), enabled=request.data)
-        return self._answered(response, actions)
+        return self._respond(response, actions)
 
     def _on_guide(self, request: Any, response: Any) -> Any:
-        refusal = self._core.guide_refusal(enabled=request.data)
-        if refusal:
-            response.success, response.message = False, refusal
+        obstacle = self._core.guide_refusal(enabled=request.data)
+        if obstacle:
+            response.success, response.message = False, obstacle
             return response
         actions = self._core.on_guide(time.monotonic(), enabled=request.data)
-        return self._answered(response, actions)
+        return self._respond(response, actions)
 
     def _on_stop(self, _: Any, response: Any) -> Any:
-        return self._answered(response, self._core.on_stop(time.monotonic()))
+        return self._respond(response, self._core.on_stop(time.monotonic()))
 
     def _on_clear(self, _: Any, response: Any) -> Any:
         supervisor = self._core.supervisor
@@ -230,41 +230,43 @@ class ControllerNode(SuiteNode):
             response.success = False
             response.message = f'{supervisor.text}; there is no fault'
             return response
-        return self._answered(response, self._core.on_clear(time.monotonic()))
+        return self._respond(response, self._core.on_clear(time.monotonic()))
 
     def _on_reset(self, _: Any, response: Any) -> Any:
         actions = self._core.on_reset_adaptation()
-        return self._answered(response, actions, 'theta_hat is that of the nominal model')
+        return self._respond(response, actions, 'theta_hat is that of the nominal model')
 
-    def _answered(self, response: Any, actions: Actions, message: str = '') -> Any:
+    def _respond(self, response: Any, actions: Actions, message: str = '') -> Any:
         self._perform(actions)
         response.success, response.message = True, message or self._core.supervisor.text
         return response
 
     def _on_plant_parameters(self, raw: bytes) -> None:
         """
-        Adopt real time from a plant, and report differences to its parameters.
+        Adopt real time from a plant, and log differences to its parameters.
 
-        Never the other way: a message must not disable the timeouts.
+        Lock-step is not adopted: a message must not disable the timeouts.
         """
         try:
-            told = record_of(raw).parameters
+            plant_values = record_of(raw).parameters
         except InputError as error:
-            self._refusals.add('plant/parameters', error)
+            self._rejected_messages.add('plant/parameters', error)
             return
-        pacing, mine = told.get('pacing'), self._core.pacing.name
+        pacing, own_pacing = plant_values.get('pacing'), self._core.pacing.name
         self._perform(self._core.on_plant(str(pacing)))
-        if pacing == 'lockstep' and mine == 'realtime':
+        if pacing == 'lockstep' and own_pacing == 'realtime':
             self.log.warning(
-                'pacing = realtime, and a plant has lockstep: its silence is a fault here; '
-                'start both with the same'
+                'pacing = realtime, and a plant has lockstep: a missing state raises a timeout '
+                'fault here; use the same pacing in both nodes'
             )
         for name in (COMMAND_INTERFACE.name, ENABLE_STAMPED_CMD_VEL.name):
-            mine, theirs = self.values[name], told.get(name, self.values[name])
-            if mine != theirs:
+            own_value = self.values[name]
+            plant_value = plant_values.get(name, own_value)
+            if plant_value != own_value:
                 self.log.error(
-                    f'{name} = {yaml_text(mine)}, and the plant has {yaml_text(theirs)}: it does '
-                    'not take what is sent here; start both with the same'
+                    f'{name} = {yaml_text(own_value)}, and the plant has '
+                    f'{yaml_text(plant_value)}: it ignores the commands of this controller; '
+                    'use the same value in both nodes'
                 )
 
     # Actions.
@@ -275,22 +277,18 @@ class ControllerNode(SuiteNode):
 
     def _send(self, action: Command) -> None:
         self._output.send(action.stamp)
-        self._health.computed(self._controller)
-        self._health.answered(action.stamp, self._core.arrival)
+        self._health.add_tick(self._controller)
+        self._health.add_response(action.stamp, self._core.arrival)
 
     def _send_stop(self, action: StopCommand) -> None:
         self._output.send(action.stamp)
-        self._health.answered(action.stamp, self._core.arrival)
+        self._health.add_response(action.stamp, self._core.arrival)
 
-    def _send_none(self, action: Void) -> None:
-        self._output.send_none(action.stamp)
-        self._health.answered(action.stamp, self._core.arrival)
+    def _send_void(self, action: Void) -> None:
+        self._output.send_void(action.stamp)
+        self._health.add_response(action.stamp, self._core.arrival)
 
-    def _tell_record(self, action: Record) -> None:
-        change = Recorded(action.values, action.changed, action.event)
-        self.record_parameters(action.tick, action.stamp, change)
-
-    def _tell_state(self, action: State) -> None:
+    def _publish_state(self, action: State) -> None:
         if action.level:
             _log(self.log, action.level, action.text)
         self._state.publish(String(data=action.text))
@@ -300,7 +298,7 @@ class ControllerNode(SuiteNode):
 
 
 def _log(log: Any, level: str, text: str) -> None:
-    # A call of its own for each level: rclpy knows a logger's lines by where they are.
+    # rclpy identifies a log line by its position, which must have one level.
     if level == 'error':
         log.error(text)
     elif level == 'warning':

@@ -12,38 +12,34 @@ import numpy as np
 
 
 class Saturation:
-    """Counts ticks from report to report."""
+    """Counts of ticks between two reports."""
 
     def __init__(self, joints: Sequence[str]) -> None:
-        """Start with none, of joints of these names."""
+        """Initialise the counts for joints of these names."""
         self._joints = joints
-        self._ticks = self._cut = 0
-        self._of_joints = np.zeros(len(joints), np.int64)
+        self._ticks = self._limited = 0
+        self._limited_by_joint = np.zeros(len(joints), np.int64)
 
     def add(self, controller: Controller) -> None:
-        """Note a tick that was computed."""
+        """Count a computed tick."""
         self._ticks += 1
         if controller.has_limits:
-            is_cut = controller.torque != controller.raw_torque
-            self._of_joints += is_cut
-            self._cut += bool(is_cut.any())
+            is_limited = controller.torque != controller.raw_torque
+            self._limited_by_joint += is_limited
+            self._limited += bool(is_limited.any())
 
     def report(self) -> dict[str, str]:
-        """
-        Return the share of ticks that were cut since the last report, and start over.
-
-        In addition the joints, each with its own share.
-        """
+        """Return the shares since the last report, in total and by joint; restart the counts."""
         ticks = max(self._ticks, 1)
         joints = [
             f'{joint} {count / ticks:.0%}'
-            for joint, count in zip(self._joints, self._of_joints.tolist(), strict=True)
+            for joint, count in zip(self._joints, self._limited_by_joint.tolist(), strict=True)
             if count
         ]
         report = {
-            'ticks with limited torque': f'{self._cut / ticks:.1%}',
+            'ticks with limited torque': f'{self._limited / ticks:.1%}',
             'joints with limited torque': ', '.join(joints) or 'none',
         }
-        self._ticks = self._cut = 0
-        self._of_joints[:] = 0
+        self._ticks = self._limited = 0
+        self._limited_by_joint[:] = 0
         return report

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Telemetry of the controller: a topic for each vector of a tick."""
+"""Telemetry of the controller: one topic for each signal of a tick."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from std_msgs.msg import Float64MultiArray
 
 
 class ControllerTelemetry:
-    """Publishes the signals of PUBLISHED."""
+    """Publishers of the signals."""
 
     def __init__(
         self, controller: Controller, decimation: int, advertise: Callable[[Any, str], Publisher]
     ) -> None:
         """Create the topics by `advertise`; none if the decimation is 0."""
-        told = (
+        signals = (
             (signal.label, controller.signals[signal.name].reshape(-1))
             for signal in PUBLISHED
             if not (signal.of_torques and controller.commands_rates)
@@ -33,11 +33,11 @@ class ControllerTelemetry:
                 advertise(Float64MultiArray, telemetry_topic(label)),
                 TelemetryCdr(label, len(values)).writer(values),
             )
-            for label, values in told
+            for label, values in signals
             if decimation
         ]
 
     def send(self, stamp: int) -> None:
-        """Publish what the controller has computed for the state of a stamp in ns."""
+        """Publish the signals of the tick whose state has a stamp in ns."""
         for publisher, to_bytes in self._topics:
             publisher.publish(to_bytes(stamp))

@@ -10,19 +10,19 @@ import time
 
 class TickTimes:
     """
-    Counts ticks and those that were late.
+    Durations of ticks.
 
     Attributes
     ----------
     total
-        ticks so far.
+        Number of ticks.
     overruns
-        ticks so far that took longer than a period.
+        Number of ticks that took longer than a period.
 
     """
 
     def __init__(self, period: float) -> None:
-        """Take the control period in s."""
+        """Initialise with the control period in s."""
         self._period = period
         self._since = time.monotonic()
         self._counted = 0
@@ -31,7 +31,7 @@ class TickTimes:
         self.overruns = 0
 
     def add(self, duration: float) -> None:
-        """Note a tick that took `duration` s."""
+        """Count a tick that took `duration` s."""
         self.total += 1
         self._sum += duration
         if duration > self._longest:
@@ -40,7 +40,7 @@ class TickTimes:
             self.overruns += 1
 
     def report(self) -> dict[str, str]:
-        """Return rate, mean and longest tick since the last report, and all overruns."""
+        """Return rate, mean and longest tick since the last report, and the total overruns."""
         now = time.monotonic()
         count = self.total - self._counted
         rate = count / max(now - self._since, 1e-9)

@@ -1,4 +1,4 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The node that shows a running robot in Foxglove."""
+"""The live node: a running robot in Foxglove."""

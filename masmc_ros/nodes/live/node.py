@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The live node: a running robot in Foxglove, with its parameters to turn."""
+"""The live node: topics and parameters of a running robot in Foxglove."""
 
 from __future__ import annotations
 
@@ -32,16 +32,16 @@ from masmc_ros.messages.topics import (
     TOPICS,
     TRANSFORMS,
 )
-from masmc_ros.nodes.live.parameters import LiveParameters
 from masmc_ros.nodes.live.samples import Samples
 from masmc_ros.nodes.live.server import LiveServer
 from masmc_ros.nodes.live.state_transforms import StateTransforms
+from masmc_ros.nodes.live.viewer_parameters import LiveParameters
 from masmc_ros.nodes.middleware.messages import message_class
 from masmc_ros.nodes.middleware.past import subscribe_with_past
 from masmc_ros.nodes.middleware.qos import DEEP, subscription_qos
 from masmc_ros.nodes.process.base import SuiteNode
 from masmc_ros.nodes.process.command_line import CommandLine
-from masmc_ros.nodes.process.refusals import Refusals
+from masmc_ros.nodes.process.rejected_messages import RejectedMessages
 from masmc_ros.nodes.process.runtime import run
 from masmc_ros.params.declaration import check_all
 from masmc_ros.params.node_parameters import declared
@@ -64,8 +64,8 @@ SAMPLED = frozenset(
 )
 """Topics with the latest message at a viewer's rate; viewers get all messages of others."""
 
-_LOOK = 0.5
-"""Time in s between two looks at who sends."""
+_DISCOVERY_PERIOD = 0.5
+"""Time in s between two checks for new publishers."""
 
 _KEPT = {
     'reference': 20,
@@ -73,25 +73,25 @@ _KEPT = {
     '/parameter_events': 0,
     **{parameters_topic(node): 500 for node in PARAMETER_NODES},
 }
-"""Number of messages for a late-joining viewer, if it is not only the last one.
+"""Number of past messages for a late-joining viewer, for topics with more than one.
 
-All together must fit into the queue of a viewer, which has 4096 places.
+All of them must fit into the queue of a viewer (`_BACKLOG` in `server.py`).
 """
 
 
 class LiveNode(SuiteNode):
-    """Serves the topics of a run as they come, until it is stopped."""
+    """Node that serves the topics and parameters of a run until it is stopped."""
 
     name = 'live'
 
     def __init__(self, *, context: Context, command_line: CommandLine) -> None:
-        """Make the server; UserError where foxglove-sdk is not installed."""
+        """Create the server; UserError if foxglove-sdk is not installed."""
         super().__init__(context=context, command_line=command_line)
         throttle = Throttle(period=1.0)
         self._server = LiveServer(
             self.node.get_fully_qualified_name(),
-            most_viewers=self.values['max_viewers'],
-            complain=lambda text: (
+            max_viewers=self.values['max_viewers'],
+            warn=lambda text: (
                 throttle.is_due('viewers', time.monotonic()) and self.log.warning(text)
             ),
         )
@@ -99,12 +99,12 @@ class LiveNode(SuiteNode):
         self._stamps: dict[str, StampReader] = {}
         self._transforms: StateTransforms | None = None
         self._latest = 0
-        self._refusals = Refusals(self.log, 'is shown as it came')
+        self._rejected_messages = RejectedMessages(self.log, 'is shown unmodified')
         self._is_served = False
         self._awaited: list[Topic] = []
 
     def connect(self) -> None:
-        """Listen, and subscribe to everything."""
+        """Start the server and subscribe to all topics."""
         super().connect()
         port = self._server.start(self.values['host'], self.values['port'])
         self._is_served = True
@@ -115,32 +115,34 @@ class LiveNode(SuiteNode):
                 self._awaited.append(topic)
             elif topic != TRANSFORMS:
                 self._serve(topic)
-        self.node.create_timer(_LOOK, self._look_around, clock=self.steady)
-        # Made of the states that are shown, so that robot and plots are of the same tick.
+        self.node.create_timer(_DISCOVERY_PERIOD, self._discover, clock=self.steady)
+        # Computed from the shown states, so the robot and the plots are of the same tick.
         self._server.add_topic(TRANSFORMS.name, TRANSFORMS.type_name)
-        self.node.create_timer(1.0 / self.values['rate'], self._turn, clock=self.steady)
+        self.node.create_timer(1.0 / self.values['rate'], self._update, clock=self.steady)
         address = f'ws://{self.values["host"]}:{port}'
         self.log.info(f'open {address} in Foxglove, as {self._server.app_url} does')
         self.wait('the plant (joint_states)')
 
     def close(self, spin: Callable[[], None]) -> None:
-        """Send what came last and let the viewers go."""
+        """Send the last messages and disconnect the viewers."""
         if self._is_served:
-            self._turn()
+            self._update()
         self._server.stop()
         self._samples.close()
         super().close(spin)
 
-    def _look_around(self) -> None:
-        """Serve the topics that only some runs have, as soon as they have a publisher."""
+    def _discover(self) -> None:
+        """Serve the topics of only some runs when they have a publisher."""
         for topic in tuple(self._awaited):
             resolved = self.node.resolve_topic_name(topic.name)
             senders = self.node.get_publishers_info_by_topic(resolved)
             if senders:
                 self._awaited.remove(topic)
                 self._serve(topic._replace(type_name=senders[0].topic_type))
-                # foxglove-sdk may lose the subscription of a viewer that is there already.
-                self.log.info(f'{topic.name} turned up: connect a viewer again that lacks it')
+                # foxglove-sdk may lose the subscription of a connected viewer.
+                self.log.info(
+                    f'{topic.name} turned up; reconnect the viewer if it does not show the topic'
+                )
 
     def _serve(self, topic: Topic) -> None:
         try:
@@ -161,20 +163,20 @@ class LiveNode(SuiteNode):
         }
         handle = handlers.get(topic.name)
 
-        # A plain function: rclpy looks at a callback's signature to see what it takes.
-        def take(raw: Any) -> None:
+        # A function, because rclpy inspects the signature of a callback.
+        def on_message(raw: Any) -> None:
             if handle is not None:
                 try:
                     handle(raw)
                 except InputError as error:
-                    self._refusals.add(resolved, error)
+                    self._rejected_messages.add(resolved, error)
             self._send(resolved, raw)
 
         if topic.is_latched:
-            subscribe_with_past(self.node, message_type, topic.name, take, DEEP)
+            subscribe_with_past(self.node, message_type, topic.name, on_message, DEEP)
         else:
             qos = subscription_qos(depth=DEEP)
-            self.node.create_subscription(message_type, topic.name, take, qos, raw=True)
+            self.node.create_subscription(message_type, topic.name, on_message, qos, raw=True)
 
     def _on_description(self, raw: bytes) -> None:
         self._server.meshes = mesh_files(text_of(raw))
@@ -182,25 +184,25 @@ class LiveNode(SuiteNode):
     def _on_parameters(self, name: str, raw: bytes) -> None:
         values = self._parameters.on_record(self.node.resolve_service_name(name), raw)
         if name == 'plant' and 'tf_decimation' in values:
-            known = declared(name, mechanism_from(values))
-            told = {p.name: values[p.name] for p in known if p.name in values}
-            checked = check_all(known, told, integers_for_doubles=True)
-            # All that is there at its start; every state that is shown is to move the frames.
+            declarations = declared(name, mechanism_from(values))
+            known = {p.name: values[p.name] for p in declarations if p.name in values}
+            checked = check_all(declarations, known, integers_for_doubles=True)
+            # The decimation is that of the states: every shown state moves the frames.
             self._transforms = StateTransforms({**checked, 'tf_decimation': 1})
 
-    def _turn(self) -> None:
-        """Show what is new, and do what viewers ask for."""
+    def _update(self) -> None:
+        """Send new messages to the viewers and process their requests."""
         for topic, raw in self._samples.take():
             if topic == self._states:
                 self._on_state(raw)
             self._send(topic, raw)
-        self._server.tell_time(self._latest)
+        self._server.send_time(self._latest)
         for change in self._server.requests():
             self._parameters.request(change)
-        self._parameters.look_after()
+        self._parameters.update()
 
     def _on_state(self, raw: bytes) -> None:
-        """Take the time, and move the frames with it."""
+        """Update the robot's time and send the transforms of a state."""
         stamp = self._stamp(self._states, raw)
         if stamp is None:
             return
@@ -211,11 +213,11 @@ class LiveNode(SuiteNode):
             self._server.send(TRANSFORMS.name, transforms, self._latest)
 
     def _stamp(self, topic: str, raw: bytes) -> int | None:
-        """Return the stamp in ns of a message, None where it has none that can be read."""
+        """Return the stamp in ns of a message, None if it has no valid one."""
         try:
             return self._stamps[topic](raw)
         except InputError as error:
-            self._refusals.add(topic, error)
+            self._rejected_messages.add(topic, error)
             return None
 
     def _send(self, topic: str, raw: bytes) -> None:

@@ -2,11 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The latest message of topics that come every tick, looked at now and then.
+Periodic samples of topics with a message at every tick.
 
-A viewer needs no 1 kHz. The middleware keeps the latest message and throws the others away
-by itself; no Python runs for them, and the senders are not held up: they are not asked to
-send anything again.
+A viewer does not need 1 kHz. The middleware keeps the latest message and discards the others
+without Python. The subscriptions are best-effort, so the senders repeat nothing for them.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ _LATEST = QoSProfile(
 
 
 class Samples:
-    """Subscriptions without callbacks, on a hidden node that no executor turns."""
+    """Subscriptions without callbacks, on a hidden node without an executor."""
 
     def __init__(self, node: Node) -> None:
         """Create the hidden node in the context and namespace of `node`."""
@@ -34,7 +33,7 @@ class Samples:
             f'_{node.get_name()}_samples',
             context=node.context,
             namespace=node.get_namespace(),
-            # The names that are subscribed to are resolved already.
+            # The names of the topics are already resolved.
             use_global_arguments=False,
             start_parameter_services=False,
             enable_rosout=False,
@@ -42,7 +41,7 @@ class Samples:
         self._subscriptions: dict[str, Subscription] = {}
 
     def add(self, message_type: Any, topic: str) -> None:
-        """Take a topic by its full name."""
+        """Subscribe to a topic by its full name."""
         self._subscriptions[topic] = self._node.create_subscription(
             message_type, topic, lambda _: None, _LATEST, raw=True
         )
@@ -51,10 +50,10 @@ class Samples:
         """Yield topics that have a new message, each with its latest one."""
         for topic, subscription in self._subscriptions.items():
             with subscription.handle:
-                taken = subscription.handle.take_message(subscription.msg_type, subscription.raw)
-            if taken is not None:
-                yield topic, taken[0]
+                result = subscription.handle.take_message(subscription.msg_type, subscription.raw)
+            if result is not None:
+                yield topic, result[0]
 
     def close(self) -> None:
-        """Leave."""
+        """Destroy the hidden node."""
         self._node.destroy_node()

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-A run's topics and parameters over the Foxglove WebSocket protocol.
+Topics and parameters of a run over the Foxglove WebSocket protocol.
 
-The library serves its clients on threads of its own. What they ask for is queued, and done
-when the node turns to it: everything of the run is touched by the node's thread alone.
+The library serves its clients on separate threads. Their requests are queued and processed on
+the node's thread, which alone accesses the state of the run.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ if TYPE_CHECKING:
     from foxglove.websocket import ChannelView, Client
 
 _BACKLOG = 4096
-"""Messages that wait for a slow client before the oldest are dropped; each client has its own."""
+"""Length of the message queue of each client; a slow client loses the oldest messages."""
 
-_FULL = 'viewers'
+_TOO_MANY = 'viewers'
 """Identifier of the status that there are too many viewers."""
 
 _PATIENCE = 5.0
-"""Longest time in s that a client waits for the answer to a change."""
+"""Longest time in s that a client waits for the response to a change."""
 
 
 @dataclass
 class Change:
-    """Parameters that a client wants to set, by name; done when `finish` was called."""
+    """Request of a client to set parameters, by name; complete after `finish`."""
 
     values: dict[str, Any]
     _finished: threading.Event = field(default_factory=threading.Event)
@@ -63,7 +63,7 @@ class _Subscription:
 
 @dataclass(frozen=True)
 class _Unsubscription:
-    """A client that no longer wants a topic, or has disconnected."""
+    """A client that has unsubscribed from a topic, or has disconnected."""
 
     topic: str
     client: int
@@ -73,7 +73,7 @@ _Request = Change | _Subscription | _Unsubscription
 
 
 class _Topic:
-    """A channel and the messages that a client is given when it comes."""
+    """A channel and its past messages for new clients."""
 
     def __init__(self, channel: Any, kept: int) -> None:
         self.channel = channel
@@ -81,7 +81,7 @@ class _Topic:
         self._kept: deque[tuple[int, bytes, int]] = deque(maxlen=kept)
 
     def send(self, raw: bytes, time_ns: int, clients: Sequence[int] | None) -> None:
-        """Send a message to these clients; None: to all that are connected."""
+        """Send a message to these clients; None: to all connected clients."""
         self._kept.append((self.sent, raw, time_ns))
         self.sent += 1
         if clients is None:
@@ -91,7 +91,7 @@ class _Topic:
             self.channel.log(raw, log_time=time_ns, sink_id=client)
 
     def send_past(self, client: int, until: int) -> None:
-        """Send what is kept of the first `until` messages to one client."""
+        """Send those of the first `until` messages that are kept to one client."""
         for number, raw, time_ns in self._kept:
             if number < until:
                 self.channel.log(raw, log_time=time_ns, sink_id=client)
@@ -99,14 +99,22 @@ class _Topic:
 
 class LiveServer:
     """
-    Serves topics and parameters to all subscribed clients.
+    Server of topics and parameters for all subscribed clients.
 
-    The library accepts any number of clients and has a queue for each. Messages therefore go to
-    the first clients alone if there are more than a limit; others follow when one of those leaves.
+    The library accepts any number of clients and has a queue for each. Above a limit, only the
+    first clients get messages; another one follows when one of those leaves.
+
+    Attributes
+    ----------
+    values
+        Parameter values by names such as `/controller.k_s1`; replaced, never modified.
+    meshes
+        Mesh files by their names in the robot's description; replaced, never modified.
+
     """
 
     def __init__(
-        self, name: str, *, most_viewers: int, complain: Callable[[str], object]
+        self, name: str, *, max_viewers: int, warn: Callable[[str], object]
     ) -> None:
         """
         Initialise a server that does not listen yet.
@@ -114,11 +122,11 @@ class LiveServer:
         Parameters
         ----------
         name
-            of the server, as viewers show it.
-        most_viewers
-            number of clients to which messages are sent.
-        complain
-            called with a line if there are more.
+            Name of the server in viewers.
+        max_viewers
+            Largest number of clients that get messages.
+        warn
+            Function that logs a line if there are more.
 
         Raises
         ------
@@ -138,24 +146,22 @@ class LiveServer:
         self._context = foxglove.Context()
         self._topics: dict[str, _Topic] = {}
         self._requests: queue.SimpleQueue[_Request] = queue.SimpleQueue()
-        self._most_viewers = most_viewers
-        self._complain = complain
+        self._max_viewers = max_viewers
+        self._warn = warn
+        # Topics of each client, in the order in which the clients subscribed.
         self._viewers: dict[int, set[str]] = {}
-        """The topics that clients want, in the order in which the clients came."""
+        # Clients that get messages; None: all.
         self._served: list[int] | None = None
-        """The clients to which messages are sent; None: all, as they are not too many."""
-        self.in_force: Mapping[str, Any] = {}
-        """Parameter values by names such as `/controller.k_s1`; replaced, never changed."""
+        self.values: Mapping[str, Any] = {}
         self.meshes: Mapping[str, Path] = {}
-        """Files that viewers may ask for, by the names in the description; replaced, as those."""
         self._server: Any = None
         self._time_ns = 0
 
     def start(self, host: str, port: int) -> int:
-        """Listen; return the port. InputError where that is not possible."""
+        """Listen and return the port; InputError if that is impossible."""
         from foxglove.websocket import Capability
 
-        # Any: the library's protocol has methods that are for capabilities not offered here.
+        # Any: the library's protocol also has the methods of unused capabilities.
         listener: Any = _Listener(self._requests, self._topics, self.parameters)
         try:
             self._server = self._foxglove.start_server(
@@ -180,14 +186,14 @@ class LiveServer:
         return str(self._server.app_url())
 
     def _mesh(self, name: str) -> bytes | None:
-        """Return what is in the file of a mesh; None where there is none of that name."""
+        """Return the content of a mesh file; None if there is no such file."""
         try:
             return self.meshes[name].read_bytes()
         except (KeyError, OSError):
             return None
 
     def add_topic(self, topic: str, type_name: str, kept: int = 1) -> None:
-        """Offer a topic by its full name; late clients get its last `kept` messages."""
+        """Add a topic by its full name; late-joining clients get its last `kept` messages."""
         schema = self._foxglove.Schema(
             name=type_name, encoding='ros2msg', data=definition(type_name).text.encode()
         )
@@ -200,36 +206,39 @@ class LiveServer:
         """Send a message, as CDR with its encapsulation header, with its time in ns."""
         self._topics[topic].send(raw, time_ns, self._served)
 
-    def tell_time(self, time_ns: int) -> None:
-        """Send the robot's time, by which viewers order messages."""
+    def send_time(self, time_ns: int) -> None:
+        """Send the robot's time in ns, by which viewers order messages."""
         if time_ns != self._time_ns:
             self._time_ns = time_ns
             self._server.broadcast_time(time_ns)
 
-    def set_in_force(self, values: Mapping[str, Any]) -> None:
-        """Show parameter values, by names such as `/controller.k_s1`, as the current ones."""
-        changed = {n: v for n, v in values.items() if self.in_force.get(n) != v}
-        self.in_force = {**self.in_force, **changed}
+    def show_values(self, values: Mapping[str, Any]) -> None:
+        """Show current parameter values by names such as `/controller.k_s1`."""
+        changed = {n: v for n, v in values.items() if self.values.get(n) != v}
+        self.values = {**self.values, **changed}
         if changed:
             self._server.publish_parameter_values(self.parameters(list(changed)))
 
     def parameters(self, names: Sequence[str] = ()) -> list[Parameter]:
         """Return the current values of these parameters, if they exist, or of all."""
-        values = self.in_force
-        chosen = [name for name in names or sorted(values) if name in values]
-        return [self._foxglove.Parameter(name, value=values[name]) for name in chosen]
+        values = self.values
+        return [
+            self._foxglove.Parameter(name, value=values[name])
+            for name in names or sorted(values)
+            if name in values
+        ]
 
-    def refuse(self, name: str, reason: str) -> None:
-        """Send to all clients the reason why a parameter was not set."""
+    def show_error(self, name: str, reason: str) -> None:
+        """Show to all clients the reason why a parameter was not set."""
         level = self._foxglove.StatusLevel.Error
         self._server.publish_status(f'{name}: {reason}', level, name)
 
-    def accept(self, name: str) -> None:
-        """Take back what was said of a parameter's last value."""
+    def clear_error(self, name: str) -> None:
+        """Remove the error of a parameter."""
         self._server.remove_status([name])
 
     def requests(self) -> list[Change]:
-        """Return changes that clients want, after giving new clients what they missed."""
+        """Send past messages to new clients; return the requested changes of parameters."""
         changes = []
         while not self._requests.empty():
             request = self._requests.get()
@@ -242,52 +251,53 @@ class LiveServer:
         return changes
 
     def _subscribe(self, request: _Subscription) -> None:
-        """Send a client what it missed of a topic, unless there are too many clients."""
+        """Send a client the past messages of a topic, unless there are too many clients."""
         is_new = request.client not in self._viewers
         self._viewers.setdefault(request.client, set()).add(request.topic)
         if is_new:
-            self._choose_served()
+            self._update_served()
         if self._served is None:
             self._send_past(request.topic, request.client, request.sent)
         elif request.client in self._served:
             self._send_past(request.topic, request.client, self._topics[request.topic].sent)
 
     def _unsubscribe(self, request: _Unsubscription) -> None:
-        """Forget a client that wants no topic any more; the next one takes its place."""
+        """Remove a client without topics; the next one takes its place."""
         topics = self._viewers.get(request.client, set())
         topics.discard(request.topic)
         if topics or request.client not in self._viewers:
             return
         del self._viewers[request.client]
-        before = self._served
-        self._choose_served()
-        if before is None:
+        previous = self._served
+        self._update_served()
+        if previous is None:
             return
-        for client in set(self._viewers if self._served is None else self._served) - set(before):
+        served = self._viewers if self._served is None else self._served
+        for client in set(served) - set(previous):
             for topic in self._viewers[client]:
                 self._send_past(topic, client, self._topics[topic].sent)
 
-    def _choose_served(self) -> None:
-        """Note to which clients messages are sent, and report if some are left out."""
-        count, most = len(self._viewers), self._most_viewers
-        if count > most:
-            self._served = list(self._viewers)[:most]
+    def _update_served(self) -> None:
+        """Select the clients that get messages; warn if some get none."""
+        count, limit = len(self._viewers), self._max_viewers
+        if count > limit:
+            self._served = list(self._viewers)[:limit]
             text = (
-                f'{count} viewers, of which {count - most} get no messages; expected at most '
-                f'{most}: close some, or start the node with a larger max_viewers'
+                f'{count} viewers: {count - limit} get no messages; expected at most {limit}; '
+                'close some, or start the node with a larger max_viewers'
             )
-            self._server.publish_status(text, self._foxglove.StatusLevel.Warning, _FULL)
-            self._complain(text)
+            self._server.publish_status(text, self._foxglove.StatusLevel.Warning, _TOO_MANY)
+            self._warn(text)
         elif self._served is not None:
             self._served = None
-            self._server.remove_status([_FULL])
+            self._server.remove_status([_TOO_MANY])
 
     def _send_past(self, topic: str, client: int, until: int) -> None:
         self._topics[topic].send_past(client, until)
         self._server.broadcast_time(self._time_ns)
 
     def stop(self) -> None:
-        """Let all clients go."""
+        """Disconnect all clients and stop the server."""
         while not self._requests.empty():
             request = self._requests.get()
             if isinstance(request, Change):
@@ -324,10 +334,10 @@ class _Listener:
     def on_set_parameters(
         self, client: Client, parameters: list[Parameter], request_id: str | None = None
     ) -> list[Parameter]:
-        change = Change({each.name: each.get_value() for each in parameters})
+        change = Change({parameter.name: parameter.get_value() for parameter in parameters})
         self._requests.put(change)
         change.wait()
-        return self._parameters([each.name for each in parameters])
+        return self._parameters(list(change.values))
 
     def on_parameters_subscribe(self, param_names: list[str]) -> None:
         pass
@@ -337,9 +347,9 @@ class _Listener:
 
 
 def plain(value: Any) -> Any:
-    """Return a parameter's value as the protocol knows it: arrays as lists, floats finite."""
+    """Return a parameter's value for the protocol: arrays as lists, infinity and NaN as text."""
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)
     if value is None or isinstance(value, bool | int | float | str):
         return value
-    return [plain(each) for each in value]
+    return [plain(element) for element in value]

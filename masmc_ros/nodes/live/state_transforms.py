@@ -16,13 +16,13 @@ from masmc_ros.robot.robot import robot_of
 
 
 class StateTransforms:
-    """Makes of joint states the messages that a plant sends on /tf."""
+    """Conversion of joint states to the messages of a plant on /tf."""
 
     def __init__(self, values: Mapping[str, Any]) -> None:
         """
-        Take the checked parameter values of the plant.
+        Initialise with the checked parameter values of the plant.
 
-        Raises InputError for a robot or a prefix of frame names that there cannot be.
+        Raises InputError for an invalid robot or prefix of frame names.
         """
         self._decimation: int = values['tf_decimation']
         self._timing = Timing.from_values(values)
@@ -38,11 +38,11 @@ class StateTransforms:
         Parameters
         ----------
         raw
-            the joint state with its encapsulation header.
+            Joint state with its encapsulation header.
 
         Returns
         -------
-            None for one that is not laid out like ours, and at ticks that are left out.
+            Serialised message; None for another layout, and for ticks that the decimation skips.
 
         """
         state = self._state

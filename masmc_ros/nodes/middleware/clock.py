@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-A node whose simulated time does not end it on a wrong message on /clock.
+A node that survives wrong messages on /clock.
 
 The time source of rclpy 7 raises ValueError for a negative time, and a typed subscription
-raises for bytes that are no message. An exception from a callback ends the executor. This file
-can go when rclpy's time source rejects such messages itself.
+raises for bytes that are not a message. An exception from a callback ends the executor. This
+file can be removed when rclpy's time source rejects such messages itself.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _PERIOD = 1.0
 
 
 def clock_reader(callback: Callable[[Any], None], log: Any) -> Callable[[bytes], None]:
-    """Return a callback for raw messages that passes on those that contain a time."""
+    """Return a callback for raw messages that passes on valid times and logs the others."""
 
     def read(raw: bytes) -> None:
         try:
@@ -40,7 +40,7 @@ def clock_reader(callback: Callable[[Any], None], log: Any) -> Callable[[bytes],
 
 
 class CheckedClockNode(Node):
-    """A node whose typed subscriptions to Clock, such as rclpy's time source, get times only."""
+    """A node whose subscriptions to Clock, such as rclpy's time source, get only valid times."""
 
     def create_subscription(
         self,

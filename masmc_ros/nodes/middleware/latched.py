@@ -23,19 +23,19 @@ from rclpy.duration import Duration
 from rclpy.publisher import Publisher
 
 _PATIENCE = 4.0
-"""Time in s after which a listener that confirms nothing is taken for dead or hung.
+"""Time in s after which a subscription without a confirmation is considered dead.
 
-A message that was lost on its way can take the three seconds of Fast DDS's heartbeat.
+Fast DDS repeats a lost message with its heartbeat, up to 3 s later.
 """
 
-_AT_ONCE = Duration()
+_NO_WAIT = Duration()
 
 
 class Latched:
-    """A publisher of depth 1 that loses nothing on the way to those who listen."""
+    """A publisher of depth 1 that loses no message to its current subscriptions."""
 
     def __init__(self, publisher: Publisher) -> None:
-        """Take a transient-local publisher of depth 1."""
+        """Initialise with a transient-local publisher of depth 1."""
         self._publisher = publisher
         self._waiting: deque[Any] = deque()
         self._sent = -_PATIENCE
@@ -47,15 +47,15 @@ class Latched:
         return str(self._publisher.topic_name)
 
     def publish(self, message: Any) -> None:
-        """Send a message, or keep it until the one before has arrived."""
+        """Send a message, or keep it until the previous one has arrived."""
         self._waiting.append(message)
         self.send_waiting()
 
     def send_waiting(self) -> None:
         """
-        Send what waits, as far as what was sent has arrived. Called often, it costs nothing.
+        Send the next waiting messages if the last one has arrived; to be called periodically.
 
-        A listener that confirms nothing holds the others up once, not at every message.
+        A subscription without a confirmation delays the others once, not at every message.
         """
         while self._waiting and (self._has_arrived() or self._has_waited_enough()):
             self._publisher.publish(self._waiting.popleft())
@@ -64,7 +64,7 @@ class Latched:
             self._is_confirmed = False
 
     def wait_for_all_acked(self, timeout: Duration) -> bool:
-        """Deliver everything within a time; tell whether it was confirmed."""
+        """Deliver all messages within a time; return True if all were confirmed."""
         limit = time.monotonic() + timeout.nanoseconds * 1e-9
         while True:
             left = max(0.0, limit - time.monotonic())
@@ -74,7 +74,7 @@ class Latched:
             self._publisher.publish(self._waiting.popleft())
 
     def _has_arrived(self) -> bool:
-        self._is_confirmed = self._is_confirmed or self._publisher.wait_for_all_acked(_AT_ONCE)
+        self._is_confirmed = self._is_confirmed or self._publisher.wait_for_all_acked(_NO_WAIT)
         return self._is_confirmed
 
     def _has_waited_enough(self) -> bool:

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Message classes by the name of their type, and messages from their bytes."""
+"""Message classes by type name, and deserialisation of received messages."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ def message_class(type_name: str) -> Any:
     """
     Return the class of a message type such as `std_msgs/msg/String`.
 
-    Raises InputError where the type is not installed.
+    Raises InputError if the type is not installed.
     """
     if _TYPE_NAME.fullmatch(type_name) is None:
-        raise InputError(f"'{type_name}' is no message type")
+        raise InputError(f"'{type_name}' is not a message type; expected PACKAGE/msg/NAME")
     package, _, name = type_name.split('/')
     try:
         return getattr(importlib.import_module(f'{package}.msg'), name)
@@ -32,9 +32,9 @@ def message_class(type_name: str) -> Any:
 
 def deserialized(raw: bytes, message_type: Any) -> Any:
     """
-    Return the message that the bytes of any sender hold.
+    Return the message of received bytes.
 
-    Raises InputError where they are no message of this type.
+    Raises InputError if they are not a message of this type.
     """
     try:
         return deserialize_message(raw, message_type)

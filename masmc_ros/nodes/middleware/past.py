@@ -36,40 +36,40 @@ def subscribe_with_past(
     Parameters
     ----------
     node
-        the node that subscribes.
+        Node that subscribes.
     message_type
-        class of the messages.
+        Class of the messages.
     topic
-        name of the topic.
+        Name of the topic.
     callback
-        called with the bytes of each message.
+        Function that is called with the bytes of each message.
     depth
-        number of messages that wait for the callback, the latest ones.
+        Number of messages that wait for the callback; newer ones replace the oldest.
 
     """
     volatile: list[Any] = []
-    once = _Once(callback, 2 * DEEP)
+    duplicates = _DuplicateFilter(callback, 2 * DEEP)
 
-    def take_past(raw: Any) -> None:
+    def on_past(raw: Any) -> None:
         if volatile:
-            once.take(raw, once.by_past, once.by_volatile)
+            duplicates.process(raw, duplicates.by_past, duplicates.by_volatile)
         else:
             callback(raw)
 
-    def take_volatile(raw: Any) -> None:
-        once.take(raw, once.by_volatile, once.by_past)
+    def on_volatile(raw: Any) -> None:
+        duplicates.process(raw, duplicates.by_volatile, duplicates.by_past)
 
     def serve_volatile(_: Any) -> None:
         if not volatile:
             qos = subscription_qos(depth=depth)
             volatile.append(
-                node.create_subscription(message_type, topic, take_volatile, qos, raw=True)
+                node.create_subscription(message_type, topic, on_volatile, qos, raw=True)
             )
 
     node.create_subscription(
         message_type,
         topic,
-        take_past,
+        on_past,
         subscription_qos(depth=depth, past=True),
         raw=True,
         event_callbacks=SubscriptionEventCallbacks(
@@ -78,32 +78,32 @@ def subscribe_with_past(
     )
 
 
-class _Once:
+class _DuplicateFilter:
     """
-    Passes on what two subscriptions to one topic receive, every message once.
+    Filter that passes on each message of two subscriptions to one topic once.
 
-    Messages of latched publishers come to both, in any order; those of volatile publishers
-    come to the volatile one alone. A copy is known by the hash of its bytes, which takes little
-    memory whatever the size of the message: as many of the same are passed on as the one that
-    received more of them has received.
+    Messages of transient-local publishers arrive at both subscriptions, in any order. Those of
+    volatile publishers arrive at the volatile one only. A copy is recognised by the hash of its
+    bytes, which takes little memory for messages of any size. Of several equal messages, as many
+    are passed on as one subscription has received at most.
     """
 
-    def __init__(self, callback: Callable[..., None], most: int) -> None:
+    def __init__(self, callback: Callable[..., None], capacity: int) -> None:
         self._callback = callback
-        self._most = most
+        self._capacity = capacity
         self.by_past: dict[int, int] = {}
-        """Numbers of messages with one copy so far, from that subscription, by hash."""
+        """Numbers of messages without a copy so far, by hash, of the transient-local one."""
         self.by_volatile: dict[int, int] = {}
 
-    def take(self, raw: bytes, mine: dict[int, int], others: dict[int, int]) -> None:
-        """Pass a message on unless the other subscription has brought it already."""
+    def process(self, raw: bytes, own: dict[int, int], other: dict[int, int]) -> None:
+        """Pass a message on unless it is the copy of one from the other subscription."""
         key = hash(raw)
-        count = others.pop(key, 0)
+        count = other.pop(key, 0)
         if count:
             if count > 1:
-                others[key] = count - 1
+                other[key] = count - 1
             return
-        mine[key] = mine.get(key, 0) + 1
-        if len(mine) > self._most:
-            del mine[next(iter(mine))]
+        own[key] = own.get(key, 0) + 1
+        if len(own) > self._capacity:
+            del own[next(iter(own))]
         self._callback(raw)

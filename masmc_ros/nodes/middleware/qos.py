@@ -6,7 +6,7 @@ Quality of service: always reliable, deep for publishers and recorder, shallow f
 
 States, commands and the reference are transient-local. A node that joins late or restarts
 therefore continues at the current tick. A subscription requests past messages only if it needs
-them. Messages that hold until the next one are latched (`latched.py`), telemetry is volatile.
+them. Messages that are valid until the next one are latched (`latched.py`), telemetry is volatile.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from __future__ import annotations
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 DEEP = 1000
+"""Depth in messages of publishers and of the recorder's subscriptions."""
 
 
 def publisher_qos(depth: int = DEEP, *, past: bool = True) -> QoSProfile:
@@ -31,11 +32,11 @@ def subscription_qos(
     """
     Return the profile of subscriptions: reliable; with `past`, transient-local.
 
-    `best_effort` is for senders that are no better than that.
+    `best_effort` also matches publishers that are not reliable.
     """
-    kind = ReliabilityPolicy.BEST_EFFORT if best_effort else ReliabilityPolicy.RELIABLE
+    reliability = ReliabilityPolicy.BEST_EFFORT if best_effort else ReliabilityPolicy.RELIABLE
     return QoSProfile(
         depth=depth,
-        reliability=kind,
+        reliability=reliability,
         durability=DurabilityPolicy.TRANSIENT_LOCAL if past else DurabilityPolicy.VOLATILE,
     )

@@ -64,30 +64,30 @@ class _Callbacks(ctypes.Structure):
 
 
 _alive: list[Any] = []
-"""What the middleware points at; it may do so until the process ends."""
+"""Structures that the middleware may use until the process ends."""
 
 
 def raw_class(type_name: str, type_hash: str | None = None) -> Any:
     """
-    Return a class with which topics of a type can be published and subscribed to raw.
+    Return a class for raw publishers and subscriptions of a type.
 
     Parameters
     ----------
     type_name
-        such as `tf2_msgs/msg/TFMessage`.
+        Name such as `tf2_msgs/msg/TFMessage`.
     type_hash
-        of REP-2011, `RIHS01_...`, told to others; by default that of Jazzy's own
-        type of this name.
+        Hash of REP-2011, `RIHS01_...`, that the middleware announces; by default that of the
+        type of this name in Jazzy.
 
     Returns
     -------
-        The installed class of that name, or else one that serves raw bytes only.
+        The installed class of that name, otherwise one that supports raw bytes only.
 
     Raises
     ------
     InputError
-        where the middleware in use is another than Fast DDS, which this knows,
-        and for a type that needs a hash.
+        If the type is not installed and the middleware is not Fast DDS, or if Jazzy does not
+        have the type and there is no hash.
 
     """
     try:
@@ -103,14 +103,13 @@ def _raw_class(type_name: str, type_hash: str) -> Any:
     middleware = get_rmw_implementation_identifier()
     if middleware != 'rmw_fastrtps_cpp':
         raise InputError(
-            f'message type {type_name} is not installed; with {middleware} its package must be'
+            f'message type {type_name} is not installed; {middleware} requires its package'
         )
     package, _, name = type_name.split('/')
     support = _support(package, name, type_hash)
     capsule = _capsule(ctypes.addressof(support))
-    # What rclpy looks for in a message class; of the other entries it only asks whether
-    # they are there.
-    filled = dict.fromkeys(
+    # rclpy requires these entries of a message class, but uses only the type support.
+    entries = dict.fromkeys(
         (
             '_CREATE_ROS_MESSAGE',
             '_CONVERT_FROM_PY',
@@ -119,7 +118,7 @@ def _raw_class(type_name: str, type_hash: str) -> Any:
         ),
         capsule,
     )
-    metaclass = type(f'Metaclass_{name}', (type,), {'_TYPE_SUPPORT': capsule, **filled})
+    metaclass = type(f'Metaclass_{name}', (type,), {'_TYPE_SUPPORT': capsule, **entries})
     return metaclass(name, (), {'__slots__': ()})
 
 
@@ -128,14 +127,15 @@ def _support(package: str, name: str, type_hash: str) -> _TypeSupport:
     other = _TypeSupport.from_address(pointer)
 
     def find(handle: int | None, identifier: bytes) -> int | None:
-        """Return the support of a kind; of those without raw use, that of an empty message."""
+        """Return the type support of an identifier; that of Empty for kinds without raw use."""
         if identifier == _FASTRTPS:
             return ctypes.addressof(support)
-        found: int | None = other.find(pointer, identifier)
-        return found
+        address: int | None = other.find(pointer, identifier)
+        return address
 
     def maximal_size(bounds: int) -> int:
-        ctypes.c_char.from_address(bounds).value = b'\0'  # not bounded
+        # False: the size has no bound.
+        ctypes.c_char.from_address(bounds).value = b'\0'
         return _ENCAPSULATION_SIZE
 
     digest = bytes(_HASH_SIZE)

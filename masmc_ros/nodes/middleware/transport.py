@@ -7,8 +7,8 @@ Restriction of this package's processes to UDP, which a killed process cannot bl
 Fast DDS prefers shared memory and guards it by mutexes within that memory. If a subscriber is
 killed while it holds one, its publishers block in `publish` indefinitely and ignore SIGINT
 (ros2/rmw_fastrtps issue 908, "Long running ROS stacks reaching deadlock with shared memory").
-This file and `fast_dds/` can be removed when publishers on shared memory survive the listeners
-that `test/nodes/recorder/test_listeners_killed.py` kills.
+This file and `fast_dds/` can be removed when publishers on shared memory pass
+`test/nodes/recorder/test_listeners_killed.py`.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ _BUILT_IN = 'FASTDDS_BUILTIN_TRANSPORTS'
 
 _PROFILES_FILE = 'FASTRTPS_DEFAULT_PROFILES_FILE'
 
-_FOUND_HERE = 'DEFAULT_FASTRTPS_PROFILES.xml'
-"""Profiles that Fast DDS takes from the working directory."""
+_LOCAL_PROFILES = 'DEFAULT_FASTRTPS_PROFILES.xml'
+"""Profiles that Fast DDS reads from the working directory."""
 
 _RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 
@@ -42,20 +42,21 @@ def prepare_transport() -> None:
     environment = os.environ
     if not get_rmw_implementation_identifier().startswith('rmw_fastrtps'):
         return
-    given = environment.get(_PROFILES_FILE)
-    is_inherited = given is not None and Path(given).parent == _PROFILES
-    has_decided = environment.get(_BUILT_IN) or Path(_FOUND_HERE).exists()
-    if has_decided or (given and not is_inherited):
+    configured = environment.get(_PROFILES_FILE)
+    is_inherited = configured is not None and Path(configured).parent == _PROFILES
+    has_transports = environment.get(_BUILT_IN) or Path(_LOCAL_PROFILES).exists()
+    if has_transports or (configured and not is_inherited):
         return
     discovery = environment.get(_RANGE)
     if is_inherited and discovery == _AS_IN_PROFILES:
         return
     profiles = 'subnet.xml'
-    # ROS 2 adds shared memory to whatever it is told when a graph is to stay on its machine.
-    # What else it does then is in a file, so that it need not know.
+    # For a graph on one machine ROS 2 always adds shared memory. So its other settings for this
+    # case are in a file, and ROS 2 gets no request for one machine.
     if environment.get('ROS_LOCALHOST_ONLY') == '1' or discovery == 'LOCALHOST':
+        # The file does not contain static peers.
         if environment.get('ROS_STATIC_PEERS'):
-            return  # the file does not know them
+            return
         profiles = 'localhost.xml'
         environment.pop('ROS_LOCALHOST_ONLY', None)
         environment[_RANGE] = _AS_IN_PROFILES

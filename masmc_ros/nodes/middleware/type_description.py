@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Message definitions asked of the nodes that send the messages (REP-2016)."""
+"""Message definitions from the nodes that send the messages (REP-2016)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.messages.definitions import Definition
-from masmc_ros.nodes.parameters.question import Question
+from masmc_ros.nodes.parameters.service_call import ServiceCall
 from rclpy.node import Node
 from type_description_interfaces.msg import FieldType
 from type_description_interfaces.srv import GetTypeDescription
@@ -38,32 +38,32 @@ _PRIMITIVES = {
 }
 
 _KIND_SIZE = 48
-"""Arrays, bounded and unbounded sequences of a type are numbered this far behind it."""
+"""Offset between the numbers of a type and of its array, bounded and unbounded sequence."""
 
 _PATIENCE = 10.0
-"""Time in s within which a node must say what it sends."""
+"""Time in s within which a node must return its definition."""
 
 _DUMMY = 'structure_needs_at_least_one_member'
-"""The member that ROS 2 gives a message without members."""
+"""Member that ROS 2 adds to a message without members."""
 
 
 class DefinitionRequest:
-    """A question to a node what a message of its is; looked after by a timer."""
+    """A request to a node for the definition of one of its messages, polled by a timer."""
 
     def __init__(self, node: Node, sender: str, type_name: str, type_hash: str) -> None:
         """
-        Prepare to ask.
+        Initialise the request; `answer` sends it.
 
         Parameters
         ----------
         node
-            who asks.
+            Node of the client.
         sender
-            full name of the node that is asked.
+            Full name of the node that sends the messages.
         type_name
-            such as `tf2_msgs/msg/TFMessage`.
+            Name such as `tf2_msgs/msg/TFMessage`.
         type_hash
-            as the sender's endpoint tells it, `RIHS01_...`.
+            Hash of the sender's endpoint, `RIHS01_...`.
 
         """
         self._node = node
@@ -72,55 +72,55 @@ class DefinitionRequest:
         self._client = node.create_client(
             GetTypeDescription, f'{sender.rstrip("/")}/get_type_description'
         )
-        self._question: Question | None = None
+        self._service_call: ServiceCall | None = None
         self._limit = time.monotonic() + _PATIENCE
 
     def answer(self) -> Definition | None:
         """
-        Return the definition, None while there is no answer; asks when that is possible.
+        Return the definition, or None before it arrives.
 
         Raises
         ------
         InputError
-            where the sender does not tell it.
+            If the sender does not return it.
 
         """
-        if self._question is None and self._client.service_is_ready():
-            self._question = Question(lambda: self._client.call_async(self._request))
-        response = None if self._question is None else self._question.answer()
+        if self._service_call is None and self._client.service_is_ready():
+            self._service_call = ServiceCall(lambda: self._client.call_async(self._request))
+        response = None if self._service_call is None else self._service_call.response()
         if response is not None:
             return self._definition(response)
         if time.monotonic() > self._limit:
             raise InputError(
-                f'{self._sender} does not say what {self._request.type_name} is: no answer from'
-                f' {self._client.srv_name}'
+                f'{self._sender} sends no definition of {self._request.type_name}: no response '
+                f'from {self._client.srv_name}'
             )
         return None
 
     def close(self) -> None:
-        """End the attempt."""
+        """Destroy the client."""
         self._node.destroy_client(self._client)
 
     def _definition(self, response: Any) -> Definition:
         if not response.successful:
             raise InputError(
-                f'{self._sender} does not say what {self._request.type_name} is:'
-                f' {response.failure_reason}'
+                f'{self._sender} sends no definition of {self._request.type_name}: '
+                f'{response.failure_reason}'
             )
         try:
             text = definition_text(response.type_description)
         except (KeyError, ValueError, IndexError) as error:
             raise InputError(
-                f'{self._request.type_name} has a field that no log can describe'
+                f'{self._request.type_name} has a field of a type that ros2msg cannot describe'
             ) from error
         return Definition(text, self._request.type_hash)
 
 
 def definition_text(description: Any) -> str:
     """
-    Return a TypeDescription as text in the form `ros2msg`, with what it is made of.
+    Return a TypeDescription as text in the form `ros2msg`, with the types that it uses.
 
-    Raises KeyError for a field whose type that form has no name for.
+    Raises KeyError for a field of a type that has no name in that form.
     """
     parts = [_fields(description.type_description)]
     for nested in description.referenced_type_descriptions:

@@ -1,4 +1,4 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parameters by the services of ROS 2."""
+"""ROS 2 parameters: declaration, services and clients."""

@@ -40,7 +40,7 @@ def descriptor(parameter: Parameter) -> ParameterDescriptor:
         description=f'{parameter.description}{unit}',
         additional_constraints=parameter.expected,
         read_only=parameter.read_only,
-        # What changes while running is typed dynamically: a refusal is then ours to word.
+        # With dynamic typing rclpy checks no types, and the errors have this package's texts.
         dynamic_typing=parameter.broadcast or not parameter.read_only,
     )
     low, high = parameter.minimum, parameter.maximum
@@ -68,10 +68,15 @@ class ParameterNode(CheckedClockNode):
 
     A parameter, even a read-only one, may be set to its active value. So `ros2 param load`
     accepts the output of `ros2 param dump`.
+
+    Attributes
+    ----------
+    outcome
+        Function that returns the response to a valid request from its parameter names.
+
     """
 
     outcome: Callable[[Iterable[str]], SetParametersResult] | None = None
-    """Return the response to a request that is right, by the names in it."""
 
     def __init__(self, name: str, *, context: Context, command_line: CommandLine) -> None:
         """
@@ -80,16 +85,16 @@ class ParameterNode(CheckedClockNode):
         Parameters
         ----------
         name
-            the node's name, unless a remapping replaces it.
+            Name of the node, unless a remapping replaces it.
         context
-            the context of the process.
+            Context of the process.
         command_line
-            files and settings that give the parameters their start values.
+            Files and settings with the start values of the parameters.
 
         Raises
         ------
         InputError
-            a parameter of rclpy itself has a value of the wrong type.
+            If a parameter of rclpy itself has a value of the wrong type.
 
         """
         self._command_line = command_line
@@ -107,7 +112,7 @@ class ParameterNode(CheckedClockNode):
         Declare a parameter as `Node` does, but never with the value that rcl has read.
 
         rclpy itself declares `use_sim_time` and `start_type_description_service` while a node
-        is created; the rules of precedence are the same for them.
+        is created. Their values have the same order of precedence.
         """
         if not ignore_override:
             start = self._command_line.for_node(self.get_name(), self.get_namespace()).values
@@ -120,27 +125,27 @@ class ParameterNode(CheckedClockNode):
     def set_parameters_atomically(
         self, parameter_list: list[rclpy.parameter.Parameter]
     ) -> SetParametersResult:
-        """Set what is new."""
-        new = [each for each in parameter_list if not self._is_set(each)]
+        """Set the parameters whose values change."""
+        new = [parameter for parameter in parameter_list if not self._is_set(parameter)]
         result = SetParametersResult(successful=True)
         if new or not parameter_list:
             result = super().set_parameters_atomically(new)
         if result.successful and self.outcome is not None:
-            return self.outcome([each.name for each in parameter_list])
+            return self.outcome([parameter.name for parameter in parameter_list])
         return result
 
-    def _is_set(self, wanted: rclpy.parameter.Parameter) -> bool:
-        if not self.has_parameter(wanted.name):
+    def _is_set(self, requested: rclpy.parameter.Parameter) -> bool:
+        if not self.has_parameter(requested.name):
             return False
-        present = self.get_parameter(wanted.name)
-        is_same_type: bool = present.type_ == wanted.type_
-        return is_same_type and _plain(present.value) == _plain(wanted.value)
+        current = self.get_parameter(requested.name)
+        is_same_type: bool = current.type_ == requested.type_
+        return is_same_type and _plain(current.value) == _plain(requested.value)
 
 
-def _checked_bool(what: str, value: object) -> bool:
+def _checked_bool(name: str, value: object) -> bool:
     """Return the start value of a parameter of rclpy itself; all are bools."""
     if not isinstance(value, bool):
-        raise InputError(f'{what} = {yaml_text(value)}: expected true or false')
+        raise InputError(f'{name} = {yaml_text(value)}: expected true or false')
     return value
 
 
@@ -148,7 +153,7 @@ class Pending(NamedTuple):
     """The response to a request that does not take effect at once."""
 
     text: str = ''
-    """When it does, or why it never does; empty for a request that takes effect at once."""
+    """Time of the effect, or reason of a failure; empty for an effect at once."""
     withdrawn: tuple[str, ...] = ()
     """Names of parameters that keep their values because the change has failed."""
 
@@ -157,9 +162,14 @@ class RosParameters:
     """
     Parameters of one node: current values, and changes while running.
 
-    A parameter that is set has the new value for all who read it by a service. `values`, with
-    which the node works, has it from when it takes effect: at once, unless the node decides
-    (`on_request`).
+    The services return the requested value of a parameter. `values`, which the node uses, has it
+    when it takes effect: at once, unless the node decides otherwise (`on_request`).
+
+    Attributes
+    ----------
+    values
+        Current checked values by name.
+
     """
 
     def __init__(
@@ -171,10 +181,24 @@ class RosParameters:
         check: Callable[[Mapping[str, Any]], None] = lambda _: None,
     ) -> None:
         """
-        Declare everything on the node, for the mechanism that it is given.
+        Declare the parameters on the node.
 
-        `check` raises InputError for invalid combinations of parameters.
-        Raises InputError for unknown names and values that are not right.
+        Parameters
+        ----------
+        node
+            Node of the parameters.
+        declare
+            Function that returns the declarations for a mechanism.
+        command_line
+            Files and settings with the start values.
+        check
+            Function that raises InputError for invalid combinations of parameters.
+
+        Raises
+        ------
+        InputError
+            If a name is unknown or a value is invalid.
+
         """
         self._node = node
         self._check = check
@@ -186,18 +210,18 @@ class RosParameters:
             node.outcome = self._outcome
         name = node.get_name()
         start = command_line.for_node(name, node.get_namespace())
-        given = dict(start.values)
-        mechanism = mechanism_from(given)
+        start_values = dict(start.values)
+        mechanism = mechanism_from(start_values)
         declarations = declare(mechanism)
         self._declarations = {p.name: p for p in declarations}
-        for shared in accepted(name, mechanism) & given.keys():
-            del given[shared]
-        if foreign := drop_foreign(name, given, start.shared, f'{name}: '):
+        for shared in accepted(name, mechanism) & start_values.keys():
+            del start_values[shared]
+        if foreign := drop_foreign(name, start_values, start.shared, f'{name}: '):
             node.get_logger().warning(foreign_text(foreign))
-        self.values = check_all(declarations, given, where=f'{name}: ')
+        self.values = check_all(declarations, start_values, where=f'{name}: ')
         check(self.values)
         for parameter in declarations:
-            value = given.get(parameter.name, self.values[parameter.name])
+            value = start_values.get(parameter.name, self.values[parameter.name])
             node.declare_parameter(
                 parameter.name,
                 _as_ros(parameter, value),
@@ -205,25 +229,25 @@ class RosParameters:
                 ignore_override=True,
             )
         node.add_pre_set_parameters_callback(self._coerce)
-        node.add_on_set_parameters_callback(self._refuse)
+        node.add_on_set_parameters_callback(self._validate)
         node.add_post_set_parameters_callback(self._commit)
 
     def on_change(self, listener: Callable[[dict[str, Any]], None]) -> None:
-        """Call the listener with the checked values that a change brings, after it."""
+        """Call the listener after each change, with the new checked values."""
         self._listeners.append(listener)
 
     def on_request(self, decide: Callable[[dict[str, Any]], Pending]) -> None:
         """
         Let the node decide when requested values take effect.
 
-        `decide` is called with the checked values of a request. It lets those take effect that
-        do so at once, and returns the response for the others. These take effect by
-        `take_effect`, or never by `withdraw`.
+        `decide` is called with the checked values of a request. It applies those that take
+        effect at once, and returns the response for the others. The node later applies these by
+        `take_effect` or discards them by `withdraw`.
         """
         self._decide = decide
 
     def take_effect(self, values: Mapping[str, Any]) -> None:
-        """Work with checked values from now on."""
+        """Use checked values from now on."""
         self._forget(values)
         new = {name: v for name, v in values.items() if v != self.values[name]}
         if new:
@@ -232,7 +256,7 @@ class RosParameters:
                 listener(new)
 
     def withdraw(self, names: Iterable[str]) -> None:
-        """Set parameters back to the current values: those requested never take effect."""
+        """Reset parameters to the current values and discard the requested ones."""
         names = tuple(names)
         self._forget(names)
         if not names:
@@ -247,7 +271,7 @@ class RosParameters:
         )
 
     def _coerce(self, changes: list[Any]) -> list[Any]:
-        """Turn integers into doubles where a double is declared; touch nothing else."""
+        """Convert integers to doubles for parameters that are declared as doubles."""
         for change in changes:
             if not self._node.has_parameter(change.name):
                 raise _UnknownParameter(change.name, self._declarations)
@@ -258,7 +282,7 @@ class RosParameters:
             for c in changes
         ]
 
-    def _refuse(self, changes: list[Any]) -> SetParametersResult:
+    def _validate(self, changes: list[Any]) -> SetParametersResult:
         try:
             self._check({**self.values, **self._requested, **self._checked(changes)})
         except InputError as error:
@@ -267,11 +291,11 @@ class RosParameters:
         return SetParametersResult(successful=True)
 
     def _restore_types(self, changes: list[Any]) -> None:
-        """Restore the types that rclpy has noted from rejected values."""
+        """Restore the types in the descriptors, which rclpy takes from rejected requests too."""
         for change in changes:
             if self._node.has_parameter(change.name):
-                in_force = self._node.get_parameter(change.name)
-                self._node.describe_parameter(change.name).type = in_force.type_.value
+                current = self._node.get_parameter(change.name)
+                self._node.describe_parameter(change.name).type = current.type_.value
 
     def _commit(self, changes: list[Any]) -> None:
         values = self._checked(changes)
@@ -280,7 +304,7 @@ class RosParameters:
             return
         self._requested.update(values)
         pending = self._decide(values)
-        # Those that have taken effect meanwhile, and those that are as before, are not pending.
+        # Values that have taken effect, and unchanged values, are not pending.
         for name, value in tuple(self._requested.items()):
             if value == self.values[name]:
                 self._forget([name])
@@ -288,7 +312,7 @@ class RosParameters:
             self._pending.update(dict.fromkeys(values.keys() & self._requested.keys(), pending))
 
     def _outcome(self, names: Iterable[str]) -> SetParametersResult:
-        """Return the response to a request that has been carried out, or repeats one."""
+        """Return the response to a request after it was processed, or to its repetition."""
         for name in names:
             pending = self._pending.get(name)
             if pending is not None:
@@ -299,7 +323,7 @@ class RosParameters:
         return SetParametersResult(successful=True)
 
     def _forget(self, names: Iterable[str]) -> None:
-        """Note that requested values are pending no longer."""
+        """Remove names from the pending requests."""
         for name in names:
             self._requested.pop(name, None)
             self._pending.pop(name, None)
@@ -324,9 +348,9 @@ class _UnknownParameter(ParameterNotDeclaredException):
 
 
 def _plain(value: Any) -> Any:
-    """Return arrays as lists, other values as they are."""
-    scalar = value is None or isinstance(value, (bool, int, float, str))
-    return value if scalar else list(value)
+    """Return arrays as lists, other values unmodified."""
+    is_scalar = value is None or isinstance(value, (bool, int, float, str))
+    return value if is_scalar else list(value)
 
 
 def _as_ros(parameter: Parameter, value: Any) -> Any:
@@ -343,6 +367,6 @@ def _doubles(parameter: Parameter | None, change: Any) -> Any:
     if parameter is None or parameter.kind not in ('double', 'doubles'):
         return value
     if isinstance(value, list):
-        exact = all(isinstance(v, (int, float)) and not isinstance(v, bool) for v in value)
-        return [float(v) for v in value] if exact else value
+        is_numeric = all(isinstance(v, (int, float)) and not isinstance(v, bool) for v in value)
+        return [float(v) for v in value] if is_numeric else value
     return float(value) if isinstance(value, int) and not isinstance(value, bool) else value

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Parameter services that answer every request, whatever its values are.
+Parameter services that respond to every request, also to one with invalid types.
 
 rclpy 7.1 raises ValueError for a parameter of an unknown type, and an exception from a callback
 ends the node; rclcpp has the same fault (ros2/rclcpp issue 3257). This file can be removed when
@@ -34,7 +34,7 @@ class CheckedParameterService(ParameterService):
         return response
 
     def _set(self, messages: Sequence[Any]) -> SetParametersResult:
-        """Set parameters at once, or none of them if one is rejected."""
+        """Set parameters together, or none of them if one is rejected."""
         for message in messages:
             if message.value.type not in _TYPES:
                 return SetParametersResult(

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Parameters of nodes that run elsewhere, read and set by their services.
+Parameters of running nodes, read and set by their services.
 
-For short-lived commands: every call waits, at most for a specified time.
+For command-line tools: every call waits for its result, for a limited time.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Any
 
 from masmc_ros.errors import suggestion, UserError
 from masmc_ros.nodes.middleware.transport import prepare_transport
-from masmc_ros.nodes.parameters.question import Question
+from masmc_ros.nodes.parameters.service_call import ServiceCall
 from rcl_interfaces.msg import ParameterValue, SetParametersResult
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
@@ -28,15 +28,15 @@ from rclpy.task import Future
 
 _SERVICE = '/list_parameters'
 _SPIN = 0.05
-_STEADY = 2.0
-"""Time in s in which no further node turns up until they are taken for all."""
+_DISCOVERY = 2.0
+"""Time in s without a further node after which the list of nodes is complete."""
 
 
 class ParameterSession:
-    """A short-lived node that asks others; a context manager."""
+    """A short-lived client node as a context manager."""
 
     def __init__(self, patience: float) -> None:
-        """Join the graph; `patience` is the longest time in s that anything may take."""
+        """Create the node; `patience` is the longest time in s of each call."""
         self._patience = patience
         prepare_transport()
         self._context = Context()
@@ -63,69 +63,69 @@ class ParameterSession:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Leave the graph."""
+        """Destroy the node."""
         self._executor.shutdown()
         self._node.destroy_node()
         self._context.try_shutdown()
 
     def nodes(self) -> list[str]:
-        """Return all nodes that have parameters, once no further one turns up."""
-        found, since = self._visible(), time.monotonic()
+        """Return all nodes that have parameters, after no further one is discovered."""
+        nodes, since = self._visible(), time.monotonic()
         limit = since + self._patience
-        while time.monotonic() < min(limit, since + (_STEADY if found else self._patience)):
+        while time.monotonic() < min(limit, since + (_DISCOVERY if nodes else self._patience)):
             self._executor.spin_once(_SPIN)
-            now = self._visible()
-            if now != found:
-                found, since = now, time.monotonic()
-        return found
+            current = self._visible()
+            if current != nodes:
+                nodes, since = current, time.monotonic()
+        return nodes
 
     def names(self, node: str) -> list[str]:
-        """Return the sorted names of a node's parameters; UserError where there is no node."""
-        answer = self._answer(node, lambda client: client.list_parameters([], None))
-        return sorted(answer.result.names)
+        """Return the sorted names of a node's parameters; UserError if there is no such node."""
+        response = self._call(node, lambda client: client.list_parameters([], None))
+        return sorted(response.result.names)
 
     def values(self, node: str, names: Sequence[str]) -> list[ParameterValue]:
         """
         Return the current values.
 
-        Raises UserError where there is no such node, or where it has no such parameter.
+        Raises UserError if there is no such node or no such parameter.
         """
         known = self.names(node)
         for name in names:
             if name not in known:
                 raise UserError(f"{node} has no parameter '{name}'; {suggestion(name, known)}")
-        answer = self._answer(node, lambda client: client.get_parameters(list(names)))
-        return list(answer.values)
+        response = self._call(node, lambda client: client.get_parameters(list(names)))
+        return list(response.values)
 
     def assign(self, node: str, parameter: Parameter) -> SetParametersResult:
-        """Set a parameter; return what the node says. UserError where there is no node."""
-        answer = self._answer(node, lambda client: client.set_parameters([parameter]))
-        return answer.results[0]
+        """Set a parameter; return the node's result. UserError if there is no such node."""
+        response = self._call(node, lambda client: client.set_parameters([parameter]))
+        return response.results[0]
 
-    def _answer(self, node: str, ask: Callable[[AsyncParameterClient], Future]) -> Any:
+    def _call(self, node: str, send: Callable[[AsyncParameterClient], Future]) -> Any:
         if node not in self._clients:
             self._clients[node] = AsyncParameterClient(self._node, node)
         client = self._clients[node]
-        if not self._come(client.services_are_ready):
-            there = ', '.join(self._visible()) or 'none'
+        if not self._spin_until(client.services_are_ready):
+            nodes = ', '.join(self._visible()) or 'none'
             raise UserError(
-                f'no node {node} within {self._patience:g} s; nodes with parameters: {there}'
+                f'no node {node} within {self._patience:g} s; nodes with parameters: {nodes}'
             )
-        answer = self._come(Question(lambda: ask(client)).answer)
-        if answer is None:
+        response = self._spin_until(ServiceCall(lambda: send(client)).response)
+        if response is None:
             raise UserError(f'{node} does not answer within {self._patience:g} s')
-        return answer
+        return response
 
-    def _come(self, what: Callable[[], Any]) -> Any:
-        """Spin until something is true, and return it; what it is then where it never is."""
+    def _spin_until(self, condition: Callable[[], Any]) -> Any:
+        """Spin until a condition has a true value, or the patience is over; return the value."""
         limit = time.monotonic() + self._patience
-        while not (found := what()) and time.monotonic() <= limit:
+        while not (value := condition()) and time.monotonic() <= limit:
             self._executor.spin_once(_SPIN)
-        return found
+        return value
 
     def _visible(self) -> list[str]:
-        # Services alone are no proof: one with only a client, such as this node, is listed.
-        here = self._node.get_node_names_and_namespaces()
-        nodes = {f'{namespace.rstrip("/")}/{name}' for name, namespace in here}
+        # ROS lists a service that has only a client, such as this node's: the node must exist too.
+        names = self._node.get_node_names_and_namespaces()
+        nodes = {f'{namespace.rstrip("/")}/{name}' for name, namespace in names}
         services = {name for name, _ in self._node.get_service_names_and_types()}
         return sorted(n for n in nodes if '/_' not in n and f'{n}{_SERVICE}' in services)

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Subscriptions to commands: torques on one topic, or rates on two."""
+"""Subscriptions to commands: torques on one topic, or velocities on two."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from masmc_ros.law.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CM
 from masmc_ros.messages.names import ARM_VELOCITY_TOPIC, CMD_VEL_TOPIC, COMMAND_TOPIC
 from masmc_ros.nodes.middleware.past import subscribe_with_past
 from masmc_ros.nodes.plant.command_sources import rate_sources, Source, torque_sources
-from masmc_ros.nodes.process.refusals import Refusals
+from masmc_ros.nodes.process.rejected_messages import RejectedMessages
 from masmc_ros.numerics.aliases import Array
-from masmc_ros.plant.commands import CommandPart
+from masmc_ros.plant.latest_command import CommandPart
 from masmc_ros.robot.joint_names import driven_joint_names
 from masmc_ros.robot.registry import mechanism_from
 from rclpy.node import Node
 
 OnCommand = Callable[[CommandPart, Array | None, int | None, float], None]
-"""Takes a part, its numbers, the stamp of the state in ns, and the time of arrival in s."""
+"""Function of a part, its numbers, the stamp of the state in ns, and the arrival time in s."""
 
 _DEPTH = 10
 """
 Commands of a topic that wait for the plant.
 
-With depth 1, a command of another node could replace the one that lock-step waits for.
+With depth 1, a command of another node could replace the one for which lock-step waits.
 """
 
 
@@ -46,11 +46,11 @@ class CommandInput:
 
     """
 
-    def __init__(self, values: Mapping[str, Any], refusals: Refusals) -> None:
+    def __init__(self, values: Mapping[str, Any], rejected_messages: RejectedMessages) -> None:
         """Initialise the topics of the command interface of checked plant parameters."""
         self.interface: str = values[COMMAND_INTERFACE.name]
         self._is_stamped: bool = values[ENABLE_STAMPED_CMD_VEL.name]
-        self._refusals = refusals
+        self._rejected_messages = rejected_messages
         joints = driven_joint_names(values)
         self.sources = (
             rate_sources(
@@ -72,16 +72,16 @@ class CommandInput:
         """
         self._on_command = on_command
         for source in self.sources:
-            take = partial(self._take, source)
-            subscribe_with_past(node, source.message_type, source.topic, take, depth=_DEPTH)
+            callback = partial(self._on_message, source)
+            subscribe_with_past(node, source.message_type, source.topic, callback, depth=_DEPTH)
 
-    def _take(self, source: Source, raw: bytes) -> None:
+    def _on_message(self, source: Source, raw: bytes) -> None:
         try:
-            taken = source.read(raw)
+            numbers, stamp = source.read(raw)
         except InputError as error:
-            self._refusals.add(source.topic, error)
+            self._rejected_messages.add(source.topic, error)
             return
-        self._on_command(source.part, taken.numbers, taken.stamp, time.monotonic())
+        self._on_command(source.part, numbers, stamp, time.monotonic())
 
     def are_sent_by(self, node: Node, name: str) -> bool:
         """Return True if a node of this namespace publishes all topics with their types."""
@@ -90,7 +90,7 @@ class CommandInput:
         )
 
     def disagreement(self, node: Node, name: str) -> str | None:
-        """Return in words what another node of this namespace sends instead, if it does."""
+        """Return a description of the other commands of a node in this namespace, or None."""
         if self.are_sent_by(node, name):
             return None
         other = (
@@ -100,14 +100,14 @@ class CommandInput:
         if sent:
             return (
                 f'it sends {" and ".join(sent)}, and with {COMMAND_INTERFACE.name} '
-                f'{self.interface} the plant takes {" and ".join(s.topic for s in self.sources)}'
+                f'{self.interface} the plant uses {" and ".join(s.topic for s in self.sources)}'
             )
         for source in self.sources:
             types = _sent_types(node, name, source.topic)
             if types and source.type_name not in types:
                 return (
                     f'its {source.topic} is {types[0]}, and with {ENABLE_STAMPED_CMD_VEL.name} '
-                    f'{"true" if self._is_stamped else "false"} the plant takes '
+                    f'{"true" if self._is_stamped else "false"} the plant uses '
                     f'{source.type_name}'
                 )
         return None
@@ -116,7 +116,7 @@ class CommandInput:
 def _sent_types(node: Node, name: str, topic: str) -> list[str]:
     """Return the types with which a node of this namespace publishes a topic."""
     return [
-        each.topic_type
-        for each in node.get_publishers_info_by_topic(node.resolve_topic_name(topic))
-        if each.node_name == name and each.node_namespace == node.get_namespace()
+        publisher.topic_type
+        for publisher in node.get_publishers_info_by_topic(node.resolve_topic_name(topic))
+        if publisher.node_name == name and publisher.node_namespace == node.get_namespace()
     ]

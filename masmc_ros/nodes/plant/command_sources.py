@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Readers of the messages that command the robot, one for each topic."""
+"""Readers of command messages, one for each topic."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.messages.topics import FLOAT_ARRAY, TWIST, TWIST_STAMPED
 from masmc_ros.nodes.middleware.messages import deserialized
 from masmc_ros.numerics.aliases import Array
-from masmc_ros.plant.commands import CommandPart
+from masmc_ros.plant.latest_command import CommandPart
 from masmc_ros.robot.declaration import Velocity
 import numpy as np
 from std_msgs.msg import Float64MultiArray
@@ -27,8 +27,8 @@ from std_msgs.msg import Float64MultiArray
 _COMPONENTS = tuple(f'{part}.{c}' for part in ('linear', 'angular') for c in 'xyz')
 
 
-class Taken(NamedTuple):
-    """A message that can be used."""
+class ReceivedCommand(NamedTuple):
+    """Command of a valid message."""
 
     numbers: Array | None
     """Numbers of the command; None for a void one."""
@@ -42,7 +42,7 @@ class Source(NamedTuple):
     part: CommandPart
     type_name: str
     message_type: Any
-    read: Callable[[bytes], Taken]
+    read: Callable[[bytes], ReceivedCommand]
 
     @property
     def topic(self) -> str:
@@ -51,7 +51,7 @@ class Source(NamedTuple):
 
 
 def torque_sources(joints: tuple[str, ...]) -> list[Source]:
-    """Return the one source of torques on the driven joints."""
+    """Return the source of torques of the driven joints."""
     part = CommandPart(COMMAND_TOPIC, len(joints))
     return [Source(part, FLOAT_ARRAY, Float64MultiArray, _labelled(EffortCdr(joints)))]
 
@@ -60,62 +60,74 @@ def rate_sources(
     joints: tuple[str, ...], twist: Sequence[Velocity], frame_prefix: str, *, is_stamped: bool
 ) -> list[Source]:
     """
-    Return the sources of commanded rates: the twist of the base, the rates of the last joints.
+    Return the sources of commanded velocities: twist of the base, rates of the other joints.
 
-    With `is_stamped` twists are TwistStamped, fastest read with our prefix of their frame.
+    Parameters
+    ----------
+    joints
+        Names of the driven joints; those that the twist replaces come first.
+    twist
+        Velocities of the base.
+    frame_prefix
+        Prefix of frame names. A TwistStamped with this prefix is read by compiled code.
+    is_stamped
+        True if twists are TwistStamped.
+
     """
-    places = [each.place for each in twist]
-    own = joints[len(places):]
+    places = [velocity.place for velocity in twist]
+    others = joints[len(places):]
     base = CommandPart(CMD_VEL_TOPIC, len(places), names_state=is_stamped)
-    others = CommandPart(ARM_VELOCITY_TOPIC, len(own))
+    arm = CommandPart(ARM_VELOCITY_TOPIC, len(others))
     return [
         Source(base, TWIST_STAMPED, TwistStamped, _stamped_twist(frame_prefix, places))
         if is_stamped
         else Source(base, TWIST, Twist, _twist(places)),
-        Source(others, FLOAT_ARRAY, Float64MultiArray, _labelled(ArmVelocityCdr(own))),
+        Source(arm, FLOAT_ARRAY, Float64MultiArray, _labelled(ArmVelocityCdr(others))),
     ]
 
 
-def _labelled(command: LabelledCdr) -> Callable[[bytes], Taken]:
-    # Compiled or loaded here, not at the first command.
+def _labelled(command: LabelledCdr) -> Callable[[bytes], ReceivedCommand]:
+    # The first call compiles the kernel, or loads it.
     command.load(command.to_bytes())
 
-    def read(raw: bytes) -> Taken:
+    def read(raw: bytes) -> ReceivedCommand:
         if not command.load(raw):
             command.load_message(deserialized(raw, Float64MultiArray))
-        return Taken(None if command.is_void else command.data, command.stamp_ns)
+        return ReceivedCommand(None if command.is_void else command.data, command.stamp_ns)
 
     return read
 
 
-def _twist(places: Sequence[int]) -> Callable[[bytes], Taken]:
-    ours = TwistCdr()
-    ours.load(ours.to_bytes())
+def _twist(places: Sequence[int]) -> Callable[[bytes], ReceivedCommand]:
+    buffer = TwistCdr()
+    buffer.load(buffer.to_bytes())
 
-    def read(raw: bytes) -> Taken:
-        twist = ours if ours.load(raw) else deserialized(raw, Twist)
-        return Taken(_motion(twist, places), None)
+    def read(raw: bytes) -> ReceivedCommand:
+        twist = buffer if buffer.load(raw) else deserialized(raw, Twist)
+        return ReceivedCommand(_velocities(twist, places), None)
 
     return read
 
 
-def _stamped_twist(frame_prefix: str, places: Sequence[int]) -> Callable[[bytes], Taken]:
-    ours = TwistStampedCdr(frame_prefix)
-    ours.load(ours.to_bytes())
+def _stamped_twist(
+    frame_prefix: str, places: Sequence[int]
+) -> Callable[[bytes], ReceivedCommand]:
+    buffer = TwistStampedCdr(frame_prefix)
+    buffer.load(buffer.to_bytes())
 
-    def read(raw: bytes) -> Taken:
-        if ours.load(raw):
-            return Taken(_motion(ours, places), checked_stamp(ours.stamp_ns))
+    def read(raw: bytes) -> ReceivedCommand:
+        if buffer.load(raw):
+            return ReceivedCommand(_velocities(buffer, places), checked_stamp(buffer.stamp_ns))
         message = deserialized(raw, TwistStamped)
-        return Taken(_motion(message.twist, places), header_stamp(raw))
+        return ReceivedCommand(_velocities(message.twist, places), header_stamp(raw))
 
     return read
 
 
-def _motion(twist: Any, places: Sequence[int]) -> Array:
-    """Return the numbers of a twist that this base can follow."""
+def _velocities(twist: Any, places: Sequence[int]) -> Array:
+    """Return the components of a twist that move this base."""
     numbers = twist_numbers(twist)
     for name, number in zip(_COMPONENTS, numbers, strict=True):
         if not math.isfinite(number):
-            raise InputError(f'{name} = {number}, expected a finite number')
+            raise InputError(f'{name} = {number}: expected a finite number')
     return np.array([numbers[place] for place in places])

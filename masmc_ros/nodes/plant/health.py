@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The plant's report on /diagnostics."""
+"""Report of the plant on /diagnostics."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from itertools import chain
 import time
 
 from masmc_ros.nodes.process.diagnostics import Health, OK, senders, WARN
-from masmc_ros.nodes.process.refusals import Refusals
+from masmc_ros.nodes.process.rejected_messages import RejectedMessages
 from masmc_ros.plant.lateness import Lateness
 from rclpy.node import Node
 
-_SLIPS = 0.05
-"""Speed in m/s from which a wheel slips; below it creeps."""
+_SLIP_LIMIT = 0.05
+"""Speed in m/s above which a wheel slips; a slower contact point only creeps."""
 
 
 class PlantHealth:
-    """Changes between two reports, and the text of the report."""
+    """Report of the plant, with the changes since the last report."""
 
     def __init__(self, period: float, lateness: Lateness) -> None:
         """Initialise with the control period in s and the counts of late ticks."""
@@ -32,7 +32,7 @@ class PlantHealth:
         self,
         node: Node,
         topics: Sequence[str],
-        refusals: Refusals,
+        rejected_messages: RejectedMessages,
         *,
         state: str,
         ticks: int,
@@ -40,7 +40,29 @@ class PlantHealth:
         command_age: float,
         slip: float | None,
     ) -> Health:
-        """Return the report; `topics` are those of commands, `slip` is in m/s."""
+        """
+        Return the report.
+
+        Parameters
+        ----------
+        node
+            Node of the plant.
+        topics
+            Full names of the command topics.
+        rejected_messages
+            Counts of rejected messages.
+        state
+            State of the plant, in a few words.
+        ticks
+            Tick of the robot.
+        dropped
+            Number of commands that responded to another state.
+        command_age
+            Time in s since the last command.
+        slip
+            Fastest slip in m/s since the last report; None if wheels cannot slip.
+
+        """
         now = time.monotonic()
         seconds = max(now - self._since, 1e-9)
         rate = max(0, ticks - self._tick) / seconds
@@ -54,20 +76,22 @@ class PlantHealth:
             'last command (s ago)': f'{command_age:.3f}',
             'dropped commands': str(dropped),
             **late_figures,
-            **{f'{topic} refused': str(count) for topic, count in refusals.counts.items()},
+            **rejected_messages.figures(),
         }
         if slip is not None:
             values['fastest slip of a wheel (m/s)'] = f'{slip:.4f}'
-        problems = sum(refusals.counts.values()) + dropped
+        problems = rejected_messages.total + dropped
         is_worse, self._problems = problems > self._problems, problems
-        crowds = [each for each in (senders(node, topic) for topic in topics) if len(each) > 1]
-        if crowds:
-            values['senders of commands'] = ', '.join(chain.from_iterable(crowds))
+        all_senders = [senders(node, topic) for topic in topics]
+        if any(len(names) > 1 for names in all_senders):
+            values['senders of commands'] = ', '.join(
+                chain.from_iterable(names for names in all_senders if len(names) > 1)
+            )
             return Health(WARN, 'more than one node commands the robot', values)
         if lateness:
             return Health(WARN, lateness, values)
         if is_worse:
-            return Health(WARN, 'commands refused or dropped', values)
-        if slip is not None and slip > _SLIPS:
+            return Health(WARN, 'commands rejected or dropped', values)
+        if slip is not None and slip > _SLIP_LIMIT:
             return Health(WARN, 'wheels slip', values)
         return Health(OK, state, values)

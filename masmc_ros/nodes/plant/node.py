@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The plant node: the simulated robot behind joint_states and the commands that answer."""
+"""The plant node: simulated robot with joint_states as output and commands as input."""
 
 from __future__ import annotations
 
@@ -24,10 +24,9 @@ from masmc_ros.nodes.plant.state_output import StateOutput
 from masmc_ros.nodes.process.base import SuiteNode
 from masmc_ros.nodes.process.command_line import CommandLine
 from masmc_ros.nodes.process.diagnostics import Health, publish_health
-from masmc_ros.nodes.process.refusals import Refusals
+from masmc_ros.nodes.process.rejected_messages import RejectedMessages
 from masmc_ros.nodes.process.runtime import run
 from masmc_ros.numerics.aliases import Array
-from masmc_ros.plant.commands import CommandPart, Commands
 from masmc_ros.plant.core import (
     Actions,
     AwaitCommand,
@@ -36,6 +35,7 @@ from masmc_ros.plant.core import (
     Publish,
     PublishAgain,
 )
+from masmc_ros.plant.latest_command import CommandPart, Commands
 from masmc_ros.plant.lockstep import LockStep
 from masmc_ros.plant.real_time import RealTime
 import numpy as np
@@ -45,23 +45,23 @@ from std_srvs.srv import SetBool, Trigger
 
 
 class PlantNode(SuiteNode):
-    """Publishes the robot's state at every tick and moves it by the commands that answer."""
+    """Node that publishes the robot's state at every tick and moves the robot by commands."""
 
     name = 'plant'
 
     def __init__(self, *, context: Context, command_line: CommandLine) -> None:
-        """Make the robot and compile its tick."""
+        """Create the robot and compile its tick."""
         super().__init__(context=context, command_line=command_line)
         self._timing = Timing.from_values(self.values)
         self._robot = plant_of(self.values, self._timing.period)
         self._wait_for = [name for name in self.values['wait_for'] if name]
-        # To no consequence, so that the first real tick is not late: it is compiled here.
+        # Two ticks without effect: they compile the kernels, so the first real tick is not late.
         for command in (np.zeros(len(self._robot.mechanism.joints)), None):
             self._robot.advance(command)
         self._robot.reset()
         self._output = StateOutput(self._robot, self._timing, self.values)
-        self._refusals = Refusals(self.log)
-        self._input = CommandInput(self.values, self._refusals)
+        self._rejected_messages = RejectedMessages(self.log)
+        self._input = CommandInput(self.values, self._rejected_messages)
         self._core = core = self._new_core()
         self._timer: Timer | None = None
         self._health = PlantHealth(self._timing.period, core.lateness)
@@ -70,7 +70,7 @@ class PlantNode(SuiteNode):
             PublishAgain: lambda _: self._output.send_again(),
             AwaitCommand: self._await_command,
             Wait: lambda action: self.wait(action.reason),
-            # Only warnings: rclpy knows the lines of a logger by where they are.
+            # All lines are warnings: rclpy identifies a log line by its position.
             Line: lambda action: self.log.warning(action.text),
             Failure: lambda action: self.fail(action.error),
             Done: self._finish,
@@ -85,7 +85,7 @@ class PlantNode(SuiteNode):
         return RealTime(*parts, waits=bool(self._wait_for))
 
     def connect(self) -> None:
-        """Create topics, services and timers; the first state follows once all are there."""
+        """Create topics, services and timers; the first state waits for `wait_for`."""
         super().connect()
         self._output.connect(self)
         node = self.node
@@ -108,15 +108,16 @@ class PlantNode(SuiteNode):
     # Start.
 
     def _start_when_ready(self) -> None:
-        if self._core.has_begun:
-            return  # a destroyed timer's last call may be under way already
+        if self._core.has_started:
+            # The last call of the destroyed timer.
+            return
         missing = [name for name in self._wait_for if not self._is_there(name)]
         if missing:
             self.wait(' and '.join(map(self._described, missing)))
             return
         self.wait(None)
         self.node.destroy_timer(self._gate)
-        self._perform(self._core.begin(time.monotonic()))
+        self._perform(self._core.start(time.monotonic()))
         self._start_timer()
 
     def _start_timer(self) -> None:
@@ -131,21 +132,21 @@ class PlantNode(SuiteNode):
             return self._core.recorder.is_there
         node = self.node
         if name == 'controller':
-            listens = node.get_subscriptions_info_by_topic(self._output.topic)
-            return self._names(listens, name) and self._input.are_sent_by(node, name)
+            subscriptions = node.get_subscriptions_info_by_topic(self._output.topic)
+            return self._has_node(subscriptions, name) and self._input.are_sent_by(node, name)
         if name == 'trajectory':
-            sends = node.get_publishers_info_by_topic(node.resolve_topic_name('reference'))
-            return self._names(sends, name)
+            publishers = node.get_publishers_info_by_topic(node.resolve_topic_name('reference'))
+            return self._has_node(publishers, name)
         return (name, node.get_namespace()) in node.get_node_names_and_namespaces()
 
     def _described(self, name: str) -> str:
-        """Return the name of a node that is waited for, and why if it is there."""
-        differs = self._input.disagreement(self.node, name) if name == 'controller' else None
-        return name if differs is None else f'{name}: {differs}'
+        """Return the name of a missing node, and its disagreement with this one, if any."""
+        disagreement = self._input.disagreement(self.node, name) if name == 'controller' else None
+        return name if disagreement is None else f'{name}: {disagreement}'
 
-    def _names(self, endpoints: list[Any], name: str) -> bool:
-        here = self.node.get_namespace()
-        return any(e.node_name == name and e.node_namespace == here for e in endpoints)
+    def _has_node(self, endpoints: list[Any], name: str) -> bool:
+        namespace = self.node.get_namespace()
+        return any(e.node_name == name and e.node_namespace == namespace for e in endpoints)
 
     # Run.
 
@@ -174,7 +175,7 @@ class PlantNode(SuiteNode):
         try:
             stamp = header_stamp(raw)
         except InputError as error:
-            self._refusals.add('recorder/progress', error)
+            self._rejected_messages.add('recorder/progress', error)
             return
         self._perform(self._core.on_recorded(stamp, time.monotonic()))
 
@@ -183,9 +184,9 @@ class PlantNode(SuiteNode):
             self._performers[type(action)](action)
 
     def _await_command(self, action: AwaitCommand) -> None:
-        differs = self._input.disagreement(self.node, 'controller')
-        why = action.topics + ('' if differs is None else f'; {differs}')
-        self.wait(f"the controller's command ({why})")
+        disagreement = self._input.disagreement(self.node, 'controller')
+        details = action.topics + ('' if disagreement is None else f'; {disagreement}')
+        self.wait(f"the controller's command ({details})")
 
     def _finish(self, action: Done) -> None:
         self.finished = True
@@ -200,7 +201,7 @@ class PlantNode(SuiteNode):
         return self._health.report(
             self.node,
             [self.node.resolve_topic_name(source.topic) for source in self._input.sources],
-            self._refusals,
+            self._rejected_messages,
             state=self._state_text(),
             ticks=core.robot.tick,
             dropped=core.dropped,
@@ -209,7 +210,7 @@ class PlantNode(SuiteNode):
         )
 
     def _state_text(self) -> str:
-        if not self._core.has_begun:
+        if not self._core.has_started:
             return f'waits for {self._waiting or "its start"}'
         return 'paused' if self._core.is_paused else self._core.text
 
@@ -221,19 +222,19 @@ class PlantNode(SuiteNode):
         return response
 
     def _on_pause(self, request: Any, response: Any) -> Any:
-        # A request may arrive long after it was sent: the caller learns when it took effect.
-        since = f'at {self._time()}' if self._core.has_begun else 'before the run has begun'
+        # A request may arrive long after it was sent: the response has the time of its effect.
+        since = f'at {self._time()}' if self._core.has_started else 'before the start of the run'
         self._perform(self._core.on_pause(time.monotonic(), is_paused=request.data))
         response.success = True
         response.message = f'{"paused" if request.data else "running"} {since}'
         return response
 
     def _on_step(self, _: Any, response: Any) -> Any:
-        refusal = self._core.step_refusal()
-        response.success = not refusal
-        if not refusal:
+        obstacle = self._core.step_refusal()
+        response.success = not obstacle
+        if not obstacle:
             self._perform(self._core.on_step(time.monotonic()))
-        response.message = refusal or self._time()
+        response.message = obstacle or self._time()
         return response
 
     def _time(self) -> str:

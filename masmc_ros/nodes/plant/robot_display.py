@@ -27,13 +27,13 @@ from std_msgs.msg import String
 
 
 class RobotDisplay:
-    """Shows a robot's states."""
+    """Publishers of a robot's description, frames and path."""
 
     def __init__(self, values: dict[str, Any]) -> None:
         """
-        Take the checked values of the plant; everything is compiled then.
+        Initialise with the checked values of the plant, and compile the kernels.
 
-        Raises InputError for a prefix of frame names that there cannot be.
+        Raises InputError for an invalid prefix of frame names.
         """
         robot, prefix = robot_of(values), check_frame_prefix(values['frame_prefix'])
         self._timing = Timing.from_values(values)
@@ -54,18 +54,18 @@ class RobotDisplay:
         self._transforms: Publisher | None = None
         if self._decimation:
             try:
-                kind = raw_class(TRANSFORMS.type_name)
+                message_type = raw_class(TRANSFORMS.type_name)
             except InputError as error:
                 node.log.warning(f'no {TRANSFORMS.name}: {error}')
             else:
                 topic = transforms_topic(node.node.get_namespace(), self._prefix)
-                self._transforms = node.publisher(kind, topic)
+                self._transforms = node.publisher(message_type, topic)
         self._paths = node.latched(Path, ACTUAL_PATH_TOPIC)
         description = node.latched(String, DESCRIPTION_TOPIC)
         description.publish(self._description)
 
     def show(self, tick: int, position: NDArray[np.float64]) -> None:
-        """Publish what is due at a tick, from positions (7) in the order of joint_states."""
+        """Publish frames and path if they are due; `position` is in the order of joint_states."""
         if self._transforms is not None and (
             tick % self._decimation == 0 or tick == self._timing.last
         ):

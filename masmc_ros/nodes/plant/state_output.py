@@ -26,10 +26,22 @@ from std_msgs.msg import Float64MultiArray
 
 
 class StateOutput:
-    """Publishes joint_states, odom, base_twist, clock and what shows the robot."""
+    """Publishers of joint_states, odom, base_twist, contact, clock and the display."""
 
     def __init__(self, robot: SimulatedRobot, timing: Timing, values: dict[str, Any]) -> None:
-        """Take the robot, whose state is sent."""
+        """
+        Initialise the messages.
+
+        Parameters
+        ----------
+        robot
+            Robot whose state is published.
+        timing
+            Control period and number of ticks of the run.
+        values
+            Checked parameter values of the plant.
+
+        """
         self._robot, self._timing = robot, timing
         self._odom_decimation: int = values['odom_decimation']
         self._clock_decimation: int = values['clock_decimation']
@@ -43,13 +55,13 @@ class StateOutput:
         self._contact = TelemetryCdr(CONTACT_LABEL, len(robot.contact))
         self._time = TimeCdr()
         self._base_motion = robot.mechanism.formulas.base_motion
-        # Compiled before it counts.
+        # The first call compiles the kernel, or loads it.
         self._base_motion(robot.position[None], robot.velocity[None])
 
     def connect(self, node: SuiteNode) -> None:
         """Create the topics."""
         self._states = node.publisher(JointState, 'joint_states')
-        # As much of the past as that of the states: who joins late need not see more.
+        # The same time span of past messages as that of the states.
         depth = max(1, DEEP // self._odom_decimation)
         self._odom = node.publisher(Odometry, 'odom', depth)
         self._base_twist = node.publisher(Twist, 'base_twist', depth)
@@ -64,9 +76,9 @@ class StateOutput:
         return str(self._states.topic_name)
 
     def publish(self, stamp: int) -> None:
-        """Publish the robot's state, of a stamp in ns, and what else its tick asks for."""
+        """Publish the robot's state with a stamp in ns, and the other topics that are due."""
         tick = self._robot.tick
-        # First of all the state: the controller computes while the rest is sent.
+        # The state is first: the controller computes while the plant sends the other topics.
         self._sent = self._state(stamp)
         self._states.publish(self._sent)
         last = tick == self._timing.last
@@ -78,7 +90,7 @@ class StateOutput:
         self._display.show(tick, self._robot.position)
 
     def send_again(self) -> None:
-        """Publish the last state once more."""
+        """Publish the last state again."""
         self._states.publish(self._sent)
 
     def slip_since(self) -> float | None:

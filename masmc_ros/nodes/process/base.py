@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the nodes of this package have in common: parameters, their record, and waiting."""
+"""Base of the nodes of this package: parameters, their records, publishers and waiting."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from collections.abc import Callable, Mapping
 from functools import partial
 import signal
 import time
-from typing import Any, NamedTuple
+from typing import Any
 
+from masmc_ros.control.actions import Record
 from masmc_ros.errors import InputError, UserError
 from masmc_ros.messages.parameter_record import ParameterRecord
 from masmc_ros.nodes.middleware.latched import Latched
@@ -27,24 +28,42 @@ from rclpy.publisher import Publisher
 from std_msgs.msg import String
 
 _DELIVERY = 5.0
+"""Longest time in s for the delivery of all messages at the end."""
+
 _PATIENCE = 3.0
+"""Time in s after which the node logs the reason why it waits."""
+
 _REMINDER = 5.0
+"""Time in s between two such log lines."""
+
 _RETRY = 0.02
-
-
-class Recorded(NamedTuple):
-    """A change to be told once its first tick is known."""
-
-    values: Mapping[str, Any]
-    """All parameters, as they were right after it."""
-    changed: tuple[str, ...] = ()
-    """Names of those that are new."""
-    event: str = ''
-    """What happened where no parameter changed, one of the controller's EVENTS."""
+"""Time in s between two attempts to send waiting messages of latched topics."""
 
 
 class SuiteNode:
-    """A node with its parameters; subclasses add what it does."""
+    """
+    Base class of the nodes: a ROS 2 node with its parameters.
+
+    Attributes
+    ----------
+    name
+        Name of the node and of its block in parameter files.
+    follows
+        True if the node ends with the other nodes of its process.
+    node
+        ROS 2 node.
+    finished
+        True if the run of this node is over.
+    failure
+        Error that ended the node; None without one.
+    parameters, values
+        Parameters and their current checked values.
+    log
+        Logger of the node.
+    steady
+        Monotonic clock, for timers.
+
+    """
 
     name: str
     follows = False
@@ -56,15 +75,32 @@ class SuiteNode:
         command_line: CommandLine,
         check: Callable[[Mapping[str, Any]], None] = lambda _: None,
     ) -> None:
-        """Create the node and declare its parameters; InputError where one is not right."""
+        """
+        Create the node and declare its parameters.
+
+        Parameters
+        ----------
+        context
+            Context of the process.
+        command_line
+            Files and settings with the start values of the parameters.
+        check
+            Function that raises InputError for invalid combinations of parameters.
+
+        Raises
+        ------
+        InputError
+            If a parameter is invalid, or if a remapping changes the name of the node.
+
+        """
         self.node: Node = ParameterNode(
             self.name, context=context, command_line=command_line
         )
-        given = self.node.get_name()
-        if given != self.name:
+        remapped = self.node.get_name()
+        if remapped != self.name:
             raise InputError(
-                f'__node:={given}: topics, files and other nodes know this one as {self.name}; '
-                f'put it into a namespace instead, as in -r __ns:=/{given}'
+                f'__node:={remapped}: topics, files and other nodes know this one as {self.name}; '
+                f'put it into a namespace instead, as in -r __ns:=/{remapped}'
             )
         self.finished = False
         self.parameters = RosParameters(
@@ -101,42 +137,38 @@ class SuiteNode:
         return self.publisher(message_type, topic, past=False)
 
     def latched(self, message_type: Any, topic: str) -> Latched:
-        """Create a publisher of messages that hold until the next one."""
+        """Create a publisher of messages that are valid until the next one."""
         latched = Latched(self.publisher(message_type, topic, 1))
         self._latched.append(latched)
         return latched
 
     def connect(self) -> None:
-        """Publish the parameters in force, and watch what the node waits for."""
+        """Publish the parameters and start the timers."""
         self._record = self.latched(String, '~/parameters')
-        self.record_parameters(0, 0)
+        self.record_parameters(Record(0, 0, self.values))
         self.node.create_timer(1.0, self._remind, clock=self.steady)
         self.node.create_timer(_RETRY, self._send_waiting, clock=self.steady)
 
-    def record_parameters(self, tick: int, stamp: int, change: Recorded | None = None) -> None:
-        """
-        Publish the parameters, and the first tick that is computed with them.
-
-        `change` is what is new since the last time; without one they are those of the start.
-        """
+    def record_parameters(self, record: Record) -> None:
+        """Publish parameters, or an event, with the first tick that is computed with them."""
+        tick, stamp, values, changed, event = record
         node = self.node.get_fully_qualified_name()
-        values, changed, event = change or Recorded(self.values)
-        record = ParameterRecord(node, tick, stamp, dict(values), changed, event)
-        self._record.publish(String(data=record.to_text()))
+        message = ParameterRecord(node, tick, stamp, dict(values), changed, event)
+        self._record.publish(String(data=message.to_text()))
 
     def wait(self, reason: str | None) -> None:
-        """Note what the node waits for (None: nothing); it says so when that takes long."""
+        """Set the reason why the node waits, None if it does not; it is logged after 3 s."""
         if reason is not None and self._waiting is None:
             self._waiting_since = self._reminded = time.monotonic()
         self._waiting = reason
 
     def close(self, spin: Callable[[], None]) -> None:
         """
-        Deliver what was published to everybody who is listening; raise what ended the node.
+        Deliver all published messages to the current subscriptions; raise `failure`, if any.
 
-        A listener that was killed counts as there for a while yet, so that the time is bounded.
-        From here on the node has finished: while others of its process take what is under way,
-        its timers and subscriptions do nothing more.
+        The time is bounded, because DDS keeps a killed subscription for a while. The node is
+        finished from here on: its timers and subscriptions have no effect while other nodes of
+        the process handle their last messages by `spin`.
         """
         self.finished = True
         limit = time.monotonic() + _DELIVERY
@@ -149,14 +181,14 @@ class SuiteNode:
 
     def fail(self, error: UserError) -> None:
         """
-        End the process with this error: one line once everything is delivered, status 2.
+        End the process with status 2, and this error as one line after the delivery.
 
         An exception from a callback would end it too, but the executor writes a traceback.
         """
         if self.failure is None:
             self.failure = UserError(f'{self.name}: {error}')
             self.finished = True
-            # The other nodes of the process end with this one, as on a signal from outside.
+            # The signal ends the other nodes of the process as well.
             signal.raise_signal(signal.SIGTERM)
 
     def _send_waiting(self) -> None:

@@ -25,7 +25,7 @@ class Setting:
     """One `-p [NODE:]NAME:=VALUE`."""
 
     node: str
-    """Name of the node it is for; empty: all nodes of the process."""
+    """Name of the node; empty: all nodes of the process."""
     name: str
     value: FileValue
 
@@ -47,8 +47,8 @@ def parse(arguments: Sequence[str]) -> CommandLine:
     """
     Read a command line.
 
-    Raises InputError for a file or a setting that cannot be read, and for arguments that are
-    none of ROS: nodes take no others.
+    Raises InputError for a file or a setting that cannot be read, and for any argument that is
+    not a ROS argument.
     """
     paths: list[str] = []
     settings: list[Setting] = []

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A node's health once a second on /diagnostics, as rqt_robot_monitor and Foxglove show it."""
+"""Reports of a node on /diagnostics, once a second, for rqt_robot_monitor and Foxglove."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ERROR = DiagnosticStatus.ERROR
 
 
 class Health(NamedTuple):
-    """What a node says of itself: how bad it is, in a word, and figures."""
+    """Report of a node: level, message and figures by name."""
 
     level: bytes
     message: str
@@ -32,15 +32,29 @@ class Health(NamedTuple):
 def senders(node: Node, topic: str) -> list[str]:
     """Return the full names of the nodes that publish a topic, one for each publisher."""
     return [
-        f'{each.node_namespace.rstrip("/")}/{each.node_name}'
-        for each in node.get_publishers_info_by_topic(topic)
+        f'{publisher.node_namespace.rstrip("/")}/{publisher.node_name}'
+        for publisher in node.get_publishers_info_by_topic(topic)
     ]
 
 
 def publish_health(
     node: Node, publisher: Latched, clock: Clock, health: Callable[[], Health]
 ) -> None:
-    """Publish a node's health once a second by a clock that never stands still."""
+    """
+    Publish the health of a node once a second.
+
+    Parameters
+    ----------
+    node
+        Node of the report.
+    publisher
+        Publisher on /diagnostics.
+    clock
+        Clock of the timer; a steady one, because simulated time may stop.
+    health
+        Function that returns the report.
+
+    """
     name = node.get_fully_qualified_name()
 
     def publish() -> None:

@@ -13,14 +13,14 @@ import threading
 from types import FrameType
 
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-"""Signals that end a process: of the keyboard, of another process, of a closed terminal."""
+"""Signals that end a process: from the keyboard, another process or a closed terminal."""
 
 
 def on_end(handler: Callable[[int, FrameType | None], None]) -> None:
     """
-    Call a handler when the process is told to end, by a terminal that is closed as well.
+    Install a handler for the signals of `ENDING`.
 
-    Under `nohup` it is not.
+    SIGHUP, the signal of a closed terminal, stays ignored under `nohup`.
     """
     for number in ENDING:
         if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
@@ -30,10 +30,10 @@ def on_end(handler: Callable[[int, FrameType | None], None]) -> None:
 @contextmanager
 def ending_at_once() -> Iterator[None]:
     """
-    End the process with status 0 as soon as it is told to, while nothing is to be completed.
+    End the process with status 0 at a signal, without the Python handler.
 
-    A handler waits until LLVM has made the machine code that it is at, which can take minutes;
-    the number that a signal leaves in a pipe wakes a thread meanwhile.
+    A Python handler waits while LLVM compiles, which can take minutes. The signal's number in a
+    pipe wakes a thread at once.
     """
     reader, writer = os.pipe()
     os.set_blocking(writer, False)

@@ -21,7 +21,7 @@ _PATIENCE = 5.0
 
 _CLOCK_MONOTONIC = 1
 _SIGEV_THREAD = 2
-"""The C library calls a function in a thread of its own (sigevent(3))."""
+"""The C library calls a function in a separate thread (sigevent(3))."""
 
 
 class _Event(ctypes.Structure):
@@ -38,7 +38,7 @@ class _Event(ctypes.Structure):
 
 
 class _Times(ctypes.Structure):
-    """struct itimerspec: interval, then time left, in s and ns each."""
+    """struct itimerspec: interval and time left, both in s and ns."""
 
     _fields_ = tuple(
         (name, ctypes.c_long)
@@ -60,7 +60,8 @@ def exit_after(seconds: float, status: int) -> Iterator[None]:
     event = _Event(status, 0, _SIGEV_THREAD, leave, None)
     timer = ctypes.c_void_p()
     if library.timer_create(_CLOCK_MONOTONIC, ctypes.byref(event), ctypes.byref(timer)):
-        yield  # no timer to be had: what is done within is on its own
+        # Without a timer the body has no time limit.
+        yield
         return
     whole = int(seconds)
     times = _Times(0, 0, whole, round((seconds - whole) * 1e9))
@@ -78,7 +79,7 @@ def bounded_ending(status: int) -> Iterator[None]:
 
     Call this when all messages are delivered and all files are closed.
     """
-    # The timer ends the process without Python, which would write what is buffered.
+    # The timer ends the process without Python, which would otherwise flush the buffers.
     sys.stdout.flush()
     sys.stderr.flush()
     with exit_after(_PATIENCE, status):

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-How a process of this package starts, spins and ends.
+Start, spinning and end of a process of this package.
 
-A process ends with status 0 when its run is over and on SIGINT, SIGTERM and SIGHUP, with
-status 2 and one line on bad input.
+A process ends with status 0 at the end of its run and on SIGINT, SIGTERM and SIGHUP. On bad
+input it prints one line and ends with status 2.
 """
 
 from __future__ import annotations
@@ -33,22 +33,21 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 _POLL = 0.1
-"""Longest time in s that a signal waits to be seen."""
+"""Longest time in s between a signal and its effect."""
 
 
 class RunningNode(Protocol):
-    """What the runtime asks of a node."""
+    """Interface between the runtime and a node, whose attributes are those of `SuiteNode`."""
 
     node: Node
     finished: bool
     follows: bool
-    """Whether the node ends with the others of its process instead of by itself."""
 
     def connect(self) -> None:
-        """Create publishers, subscriptions, services and timers; everything is compiled."""
+        """Create publishers, subscriptions, services and timers; all kernels are compiled."""
 
     def close(self, spin: Callable[[], None]) -> None:
-        """Deliver or take what is still under way; `spin` handles what has arrived."""
+        """Deliver or process the last messages; `spin` handles those that have arrived."""
 
 
 Factory = Callable[..., RunningNode]
@@ -60,11 +59,11 @@ def run(factories: Sequence[Factory], arguments: Sequence[str] | None = None) ->
     try:
         return _run(factories, arguments)
     except UserError as error:
-        return _told(error)
+        return _print_error(error)
 
 
-def _told(error: UserError) -> int:
-    """Print what is wrong with what the user gave; return the exit status for it."""
+def _print_error(error: UserError) -> int:
+    """Print an error of the user's input; return the exit status for it."""
     print(error, file=sys.stderr)
     return 2
 
@@ -74,21 +73,21 @@ def _run(factories: Sequence[Factory], arguments: list[str]) -> int:
     stop = StopSignals()
     context = Context()
     prepare_transport()
-    # What is wrong with the arguments is told once, below.
+    # rcl would log errors of the arguments in addition to the line below.
     set_logger_level('rcl', LoggingSeverity.FATAL)
     try:
         rclpy.init(
             args=arguments, context=context, signal_handler_options=SignalHandlerOptions.NO
         )
     except Exception as error:
-        raise InputError(f'not understood among --ros-args: {one_line(error)}') from error
+        raise InputError(f'--ros-args: {one_line(error)}') from error
     if get_logger_level('rcl') == LoggingSeverity.FATAL:
         set_logger_level('rcl', LoggingSeverity.UNSET)
     executor = EventsExecutor(context=context)
 
     def spin() -> None:
         """Handle messages, services and timers for 0.1 s, or until a signal arrives."""
-        # A return to Python after each callback would take a fifth of the callback's time.
+        # A return to Python after each callback would take one fifth of the callback's time.
         executor.spin_until_future_complete(stop.future(executor), _POLL)
 
     nodes: list[RunningNode] = []
@@ -101,8 +100,8 @@ def _run(factories: Sequence[Factory], arguments: list[str]) -> int:
             node.connect()
             executor.add_node(node.node)
         prepare_logging()
-        # What was built so far stays; without this a full garbage collection looks through
-        # all of it again and again, and stops the ticks for a third of a second.
+        # The objects created so far stay. Without this, every full garbage collection traverses
+        # all of them, which stops the ticks for a third of a second.
         gc.collect()
         gc.freeze()
         leading = [node for node in nodes if not node.follows] or nodes
@@ -111,14 +110,14 @@ def _run(factories: Sequence[Factory], arguments: list[str]) -> int:
                 spin()
         status = 0
     except UserError as error:
-        status = _told(error)
+        status = _print_error(error)
     finally:
-        # Whatever happened to one of them, the others deliver and complete what they have.
+        # After an error of one node the others still deliver their messages.
         for node in nodes:
             try:
                 node.close(spin)
             except UserError as error:
-                status = _told(error)
+                status = _print_error(error)
         with bounded_ending(status):
             for node in nodes:
                 executor.remove_node(node.node)
@@ -130,20 +129,27 @@ def _run(factories: Sequence[Factory], arguments: list[str]) -> int:
 
 class StopSignals:
     """
-    Whether the process was asked to end.
+    Signals that request the end of the process.
 
     A handler must not wait for a lock: the thread that it interrupts may hold it. A future has
-    one (https://github.com/ros2/rclpy/blob/jazzy/rclpy/rclpy/task.py), so that the executor, and
-    not the handler, completes the future.
+    one (https://github.com/ros2/rclpy/blob/jazzy/rclpy/rclpy/task.py). Therefore the executor,
+    and not the handler, completes the future.
+
+    Attributes
+    ----------
+    requested
+        True after the first signal.
+
     """
 
     def __init__(self) -> None:
+        """Install the handler."""
         self.requested = False
         self._complete: Callable[[], object] | None = None
         on_end(self._request)
 
     def future(self, executor: Executor) -> Future:
-        """Return a future that the executor completes once a signal has come."""
+        """Return a future that the executor completes after a signal."""
         future = Future()
         self._complete = partial(executor.create_task, future.cancel)
         return future
@@ -157,6 +163,6 @@ class StopSignals:
 
 
 def one_line(error: BaseException) -> str:
-    """Return an error's first meaningful line."""
+    """Return an error as one line, without the position in rcl's sources."""
     text = ' '.join(str(error).split())
     return text.split(', at ./src')[0].split(', at /')[0]

@@ -48,7 +48,7 @@ from masmc_ros.nodes.middleware.raw_types import raw_class
 from masmc_ros.nodes.process.base import SuiteNode
 from masmc_ros.nodes.process.command_line import CommandLine
 from masmc_ros.nodes.process.diagnostics import publish_health
-from masmc_ros.nodes.process.refusals import Refusals
+from masmc_ros.nodes.process.rejected_messages import RejectedMessages
 from masmc_ros.nodes.process.runtime import run
 from masmc_ros.nodes.recorder.attachments import Attachments
 from masmc_ros.nodes.recorder.disk_watch import DiskWatch
@@ -118,7 +118,7 @@ class RecorderNode(SuiteNode):
         files = {file.path: Path(file.path).read_bytes() for file in command_line.files}
         self._attachments = Attachments(files, lambda: self._health.missing())
         self._recording = open_recording(self.values, self._attachments)
-        self._not_understood = Refusals(self.log, 'is recorded as it came')
+        self._not_understood = RejectedMessages(self.log, 'is recorded as it came')
         self._recording.not_understood = self._not_understood.counts
         self._health = RecorderHealth(self._recording)
         self._note_state = self._health.watch(self.node.resolve_topic_name(STATE_TOPIC)).add

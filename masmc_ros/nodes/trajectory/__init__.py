@@ -1,4 +1,4 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The trajectory generator as a node."""
+"""The trajectory node."""

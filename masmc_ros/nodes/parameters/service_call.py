@@ -17,25 +17,29 @@ from typing import Any
 
 from rclpy.task import Future
 
-_AGAIN = 1.0
-"""Time in s after which the request is made again."""
+_RETRY = 1.0
+"""Time in s after which the request is sent again."""
 
 
-class Question:
-    """For requests that may be carried out twice; looked after by who waits for the answer."""
+class ServiceCall:
+    """
+    A service request that the server may process twice.
 
-    def __init__(self, ask: Callable[[], Future]) -> None:
-        """Ask for the first time; `ask` makes the request."""
-        self._ask = ask
-        self._futures = [ask()]
-        self._asked = time.monotonic()
+    The caller polls `response`, which also repeats the request.
+    """
 
-    def answer(self) -> Any:
-        """Return the response, None while there is none."""
+    def __init__(self, send: Callable[[], Future]) -> None:
+        """Send the request for the first time, by `send`."""
+        self._send = send
+        self._futures = [send()]
+        self._sent = time.monotonic()
+
+    def response(self) -> Any:
+        """Return the response, or None before it arrives."""
         for future in self._futures:
             if future.done():
                 return future.result()
-        if time.monotonic() - self._asked > _AGAIN:
-            self._futures.append(self._ask())
-            self._asked = time.monotonic()
+        if time.monotonic() - self._sent > _RETRY:
+            self._futures.append(self._send())
+            self._sent = time.monotonic()
         return None

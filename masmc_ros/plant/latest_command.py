@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The latest command of the robot: one part for each topic that commands it."""
+"""Latest command of the robot, with one part for each command topic."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ class Commands:
         return command
 
     def held(self) -> Array | None:
-        """Return the command, None without one; of rates, a missing part is zero."""
+        """Return the command, None without one; a missing part of several is zero."""
         if len(self.parts) == 1:
             return self.parts[0].numbers
         return np.concatenate([part.held() for part in self.parts])
