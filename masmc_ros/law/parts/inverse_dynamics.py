@@ -81,6 +81,29 @@ def surface_torque(tick: Tick, theta: Numbers, sigma: Numbers, nu: Numbers) -> N
 
 
 @formula
+def limited_acceleration(tick: Tick, theta: Numbers, raw: Numbers, torque: Numbers) -> Numbers:
+    """
+    Return the task acceleration that limits of the torque add: J H^-1 (torque - raw).
+
+    Parameters
+    ----------
+    tick
+        State and reference.
+    theta
+        Base parameters of the model that H is computed from.
+    raw
+        Joint torques that the law requests in N m.
+    torque
+        Joint torques that are commanded in N m.
+
+    """
+    force = mechanism.forces(tick.model, each(minus, torque, raw))
+    h = mechanism.inertia(tick.model, tick.posture, theta)
+    a = mechanism.inertia_solve(tick.model, h, force)
+    return mechanism.task_velocity(tick.model, tick.posture, a)
+
+
+@formula
 def gravity_forces(tick: Tick, theta: Numbers) -> Numbers:
     """Return the forces against gravity of a model, conjugate to v."""
     still = each(zero, tick.velocity)

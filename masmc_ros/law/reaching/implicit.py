@@ -23,6 +23,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from masmc_ros.law.parts.inverse_dynamics import limited_acceleration
 from masmc_ros.law.parts.slip import backed_off, SLIP_BACKOFF
 from masmc_ros.law.reaching.reaching import GAINS, Reaching, register
 from masmc_ros.law.tick import Tick
@@ -152,10 +153,7 @@ def correct(
     The disturbance estimate then takes for a disturbance only what is one.
     """
     if torque != raw:
-        force = mechanism.forces(tick.model, each(minus, torque, raw))
-        h = mechanism.inertia(tick.model, tick.posture, tick.nominal)
-        a = mechanism.inertia_solve(tick.model, h, force)
-        change = mechanism.task_velocity(tick.model, tick.posture, a)
+        change = limited_acceleration(tick, tick.nominal, raw, torque)
         predicted = each(moved, get(memory, 'predicted', lane), change, tick.period)
         put(memory, 'predicted', lane, predicted)
 
