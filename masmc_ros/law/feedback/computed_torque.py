@@ -18,14 +18,15 @@ from typing import Any
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.law import Law, register
 from masmc_ros.law.parts.adaptation import project
-from masmc_ros.law.parts.inverse_dynamics import model_forces, rate_error
+from masmc_ros.law.parts.integral import integrated
+from masmc_ros.law.parts.inverse_dynamics import limited_motion, model_forces, rate_error
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, put
-from masmc_ros.numerics.scalars import minus, moved
+from masmc_ros.numerics.scalars import minus
 from masmc_ros.numerics.tuples import each
 from masmc_ros.robot import mechanism
 
@@ -67,11 +68,18 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
 def learn(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
-    """Integrate the rates' error, unless limits cut the torque: then it would wind up."""
-    if torque == raw:
-        w = get(memory, 'computed_torque_integral', lane)
-        following = each(moved, w, rate_error(tick), tick.period)
-        put(memory, 'computed_torque_integral', lane, following)
+    """Integrate the rates' error, with back-calculation from the torque that is commanded."""
+    a = limited_motion(tick, tick.nominal, raw, torque)
+    w = each(
+        integrated,
+        get(memory, 'computed_torque_integral', lane),
+        rate_error(tick),
+        mechanism.joint_rates(tick.model, a),
+        get(settings, 'computed_torque_k_d', lane),
+        get(settings, 'computed_torque_k_p', lane),
+        tick.period,
+    )
+    put(memory, 'computed_torque_integral', lane, w)
 
 
 COMPUTED_TORQUE = register(

@@ -19,13 +19,17 @@ from typing import Any
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.law import Law, register
 from masmc_ros.law.parts.adaptation import project
-from masmc_ros.law.parts.inverse_dynamics import acceleration_torque, spring
+from masmc_ros.law.parts.integral import integrated
+from masmc_ros.law.parts.inverse_dynamics import (
+    acceleration_torque,
+    limited_acceleration,
+    spring,
+)
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, put
-from masmc_ros.numerics.scalars import moved
 from masmc_ros.numerics.tuples import each
 
 Numbers = tuple[float, ...]
@@ -68,15 +72,17 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
 def learn(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
-    """Integrate the error, unless limits cut the torque: then it would wind up."""
-    if torque == raw:
-        w = get(memory, 'nonlinear_feedback_integral', lane)
-        put(
-            memory,
-            'nonlinear_feedback_integral',
-            lane,
-            each(moved, w, tick.error, tick.period),
-        )
+    """Integrate the error, with back-calculation from the torque that is commanded."""
+    w = each(
+        integrated,
+        get(memory, 'nonlinear_feedback_integral', lane),
+        tick.error,
+        limited_acceleration(tick, tick.nominal, raw, torque),
+        get(settings, 'nonlinear_feedback_k_p', lane),
+        get(settings, 'nonlinear_feedback_k_i', lane),
+        tick.period,
+    )
+    put(memory, 'nonlinear_feedback_integral', lane, w)
 
 
 NONLINEAR_FEEDBACK = register(

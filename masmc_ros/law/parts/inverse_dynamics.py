@@ -9,7 +9,7 @@ from masmc_ros.law.parts.surface import reference_acceleration
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.scalars import minus, plus, zero
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import each, matrix_times
 from masmc_ros.robot import mechanism
 
 Numbers = tuple[float, ...]
@@ -81,9 +81,9 @@ def surface_torque(tick: Tick, theta: Numbers, sigma: Numbers, nu: Numbers) -> N
 
 
 @formula
-def limited_acceleration(tick: Tick, theta: Numbers, raw: Numbers, torque: Numbers) -> Numbers:
+def limited_motion(tick: Tick, theta: Numbers, raw: Numbers, torque: Numbers) -> Numbers:
     """
-    Return the task acceleration that limits of the torque add: J H^-1 (torque - raw).
+    Return the change of dv/dt by limits of the torque: H^-1 (torque - raw).
 
     Parameters
     ----------
@@ -99,8 +99,23 @@ def limited_acceleration(tick: Tick, theta: Numbers, raw: Numbers, torque: Numbe
     """
     force = mechanism.forces(tick.model, each(minus, torque, raw))
     h = mechanism.inertia(tick.model, tick.posture, theta)
-    a = mechanism.inertia_solve(tick.model, h, force)
+    return mechanism.inertia_solve(tick.model, h, force)
+
+
+@formula
+def limited_acceleration(tick: Tick, theta: Numbers, raw: Numbers, torque: Numbers) -> Numbers:
+    """Return the change of the task acceleration: J `limited_motion`."""
+    a = limited_motion(tick, theta, raw, torque)
     return mechanism.task_velocity(tick.model, tick.posture, a)
+
+
+@formula
+def limited_force(tick: Tick, raw: Numbers, torque: Numbers) -> Numbers:
+    """Return the change of the force on the task's axes by limits of the torque, in N."""
+    if torque != raw:
+        h = mechanism.task_inertia(tick.model, tick.posture, tick.nominal, tick.surface)
+        return matrix_times(h, limited_acceleration(tick, tick.nominal, raw, torque))
+    return each(zero, tick.surface)
 
 
 @formula

@@ -25,13 +25,17 @@ def test_it_is_its_formula(seed: int) -> None:
         )
 
 
-def test_nothing_is_integrated_while_limits_cut_the_torque() -> None:
-    controller, at = at_random(0, LAW, torque_limit=(0.01,) * 4)
-    first, second = tick(controller, at), tick(controller, at)
-    assert (first == second).all()
-    controller.change({'torque_limit': (0.0,) * 4})
-    tick(controller, at)
-    assert (tick(controller, at) != first).all()
+def test_limits_cost_no_accuracy_that_the_torque_suffices_for() -> None:
+    """With drives and noise, E and F are close to those without limits."""
+    limited = run(
+        LAW,
+        'plant.velocity_noise=0.02',
+        'controller.torque_limit=[8.0, 8.0, 20.0, 10.0]',
+        'controller.torque_rate_limit=[400.0, 400.0, 1000.0, 500.0]',
+        duration=10.0,
+    )
+    free = np.linalg.norm(run(LAW, duration=10.0).settled)
+    assert np.linalg.norm(limited.settled) < 1.1 * free
 
 
 def test_the_integral_takes_what_is_constant_away() -> None:
