@@ -2,13 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Concurrent learning: theta_hat adapts to recorded data as well.
+Concurrent learning: theta_hat adapts to a finite stack of recorded data as well.
 
-The torque is that of `rasmc`. With W = Y(q, v, v, dv/dt) of every period, f the forces that were
-commanded in it and H of the nominal model,
+The torque is that of `rasmc`. A data point is the mean of W = Y(q, v, v, dv/dt) and of the
+commanded forces f over an interval, G_j = C W and y_j = C f with C' C = H^-1 of the nominal model.
+Over the points of the stack
 
-    A' = W' H^-1 W,    b' = W' H^-1 f,
+    A = sum G_j' G_j,    b = sum G_j' y_j,
     theta_hat' = -Gamma^-1 (Y' sigma + kappa (A theta_hat - b)).
+
+A new point replaces the one for which the smallest eigenvalue of Gamma^-1 A becomes largest, if
+that is larger than before.
 """
 
 from __future__ import annotations
@@ -25,7 +29,7 @@ from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import formula, kernel
-from masmc_ros.numerics.elimination import solve_definite
+from masmc_ros.numerics.elimination import factor, solve, solve_definite
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import plus
@@ -38,94 +42,287 @@ PARAMETERS = (
     *RASMC.parameters,
     Parameter(
         'concurrent_learning.kappa',
-        10.0,
+        0.1,
         'Weight kappa of the recorded data relative to the tracking error; 0: rasmc',
+        unit='s²',
+        minimum=0.0,
+        read_only=False,
+    ),
+    Parameter(
+        'concurrent_learning.interval',
+        0.05,
+        'Time over which the motion is averaged to a data point',
         unit='s',
         minimum=0.0,
         read_only=False,
     ),
     Parameter(
         'concurrent_learning.forgetting',
-        0.0,
-        'Rate at which the record fades; 0: never',
+        0.1,
+        'Rate at which recorded points fade, and newer ones replace them; 0: no fading',
         unit='1/s',
         minimum=0.0,
         read_only=False,
     ),
 )
 
+POINTS = 20
+"""Number of data points in the stack."""
+
 MEMORY = (
     *RASMC.memory,
     Field('concurrent_learning_information', ('parameters', 'parameters'), 'A, by its rows'),
     Field('concurrent_learning_vector', 'parameters', 'b'),
+    Field('concurrent_learning_stack', (POINTS, 'joints', 'parameters'), 'G_j, by its rows'),
+    Field('concurrent_learning_targets', (POINTS, 'joints'), 'y_j'),
+    Field('concurrent_learning_count', description='Number of points recorded'),
+    Field('concurrent_learning_motion', ('joints', 'parameters'), 'Integral of W, by its rows'),
+    Field('concurrent_learning_impulse', 'joints', 'Integral of f'),
+    Field('concurrent_learning_elapsed', description='Time of both integrals', unit='s'),
     Field('concurrent_learning_torque', 'joints', 'Torque of the tick before', 'N·m'),
     Field('concurrent_learning_velocity', 'joints', 'v of the tick before', initial=math.nan),
 )
 
+_NOVELTY = 0.05
+"""Squared distance to every point, relative to its square, from which a point fills the stack."""
+
+_RIDGE = 1.0e-12
+"""Least eigenvalue of A relative to its trace, where the data leave a parameter open."""
+
+_ITERATIONS = 30
+_ROUNDING = 1.0e-9
+
 
 @formula
-def _row(arguments: tuple[Any, Any, Numbers, Numbers], i: int) -> Numbers:
+def _row(of: tuple[Any, Any, Numbers, Numbers], i: int) -> Numbers:
     """Return row i of W."""
-    model, w, template, motion = arguments
-    return mechanism.regressor_transpose_times(model, w, unit(motion, i), template)
+    model, w, like, motion = of
+    return mechanism.regressor_transpose_times(model, w, unit(motion, i), like)
 
 
 @formula
-def _weighted_row(arguments: tuple[Any, Any, Numbers, Numbers, Any], i: int) -> Numbers:
-    """Return row i of H^-1 W."""
-    model, w, template, motion, h = arguments
-    column = mechanism.inertia_solve(model, h, unit(motion, i))
-    return mechanism.regressor_transpose_times(model, w, column, template)
+def _inertia_column(of: tuple[Any, Any, Numbers], i: int) -> Numbers:
+    """Return column i of H."""
+    model, h, motion = of
+    return mechanism.inertia_times(model, h, unit(motion, i))
 
 
 @formula
 def _record(settings: Any, tick: Tick, memory: Any, lane: int, before: Numbers) -> None:
-    """Add the last period to A and b."""
+    """Add the last period to the current interval, and record a point at its end."""
     w = last_regressor(tick, before)
-    h = mechanism.inertia(tick.model, tick.posture, tick.nominal)
-    template, v = tick.nominal, tick.velocity
-    _add(
+    v = tick.velocity
+    _accumulate(
         memory,
         lane,
-        1.0 / (1.0 + tick.period * get(settings, 'concurrent_learning_forgetting', lane)),
         tick.period,
-        from_index(_row, v, (tick.model, w, template, v)),
-        from_index(_weighted_row, v, (tick.model, w, template, v, h)),
+        from_index(_row, v, (tick.model, w, tick.nominal, v)),
         mechanism.forces(tick.model, get(memory, 'concurrent_learning_torque', lane)),
     )
+    elapsed = get(memory, 'concurrent_learning_elapsed', lane) + tick.period
+    put(memory, 'concurrent_learning_elapsed', lane, elapsed)
+    if elapsed > get(settings, 'concurrent_learning_interval', lane) * (1.0 - _ROUNDING):
+        h = mechanism.inertia(tick.model, tick.posture, tick.nominal)
+        fading = 0.5 * elapsed * get(settings, 'concurrent_learning_forgetting', lane)
+        _fade(memory, lane, 1.0 / (1.0 + fading))
+        _record_point(
+            memory,
+            lane,
+            elapsed,
+            from_index(_inertia_column, v, (tick.model, h, v)),
+            get(settings, 'gamma', lane),
+        )
+        _restart(memory, lane)
 
 
 @kernel
-def _add(
-    memory: Any,
-    lane: int,
-    kept: float,
-    period: float,
-    rows: tuple[Numbers, ...],
-    weighted: tuple[Numbers, ...],
-    forces: Numbers,
+def _restart(memory: Any, lane: int) -> None:
+    """Start a new interval."""
+    memory['concurrent_learning_elapsed'][lane] = 0.0
+    memory['concurrent_learning_motion'][:, lane] = 0.0
+    memory['concurrent_learning_impulse'][:, lane] = 0.0
+
+
+@kernel
+def _accumulate(
+    memory: Any, lane: int, period: float, rows: tuple[Numbers, ...], forces: Numbers
 ) -> None:
-    """Add the last period to A and b, after forgetting."""
+    """Add W and f of a period to their integrals."""
+    motion = memory['concurrent_learning_motion']
+    impulse = memory['concurrent_learning_impulse']
+    p = len(rows[0])
+    for i in range(len(forces)):
+        impulse[i, lane] += period * forces[i]
+        for j in range(p):
+            motion[i * p + j, lane] += period * rows[i][j]
+
+
+@kernel
+def _fade(memory: Any, lane: int, kept: float) -> None:
+    """Scale all points of the stack."""
+    stack, targets = memory['concurrent_learning_stack'], memory['concurrent_learning_targets']
+    for i in range(len(stack)):
+        stack[i, lane] *= kept
+    for i in range(len(targets)):
+        targets[i, lane] *= kept
+
+
+@kernel
+def _record_point(
+    memory: Any, lane: int, elapsed: float, inertia: tuple[Numbers, ...], gamma: Numbers
+) -> None:
+    """
+    Record the mean of the interval if it improves the stack, and renew A and b.
+
+    Parameters
+    ----------
+    memory
+        The law's memory.
+    lane
+        Lane of it.
+    elapsed
+        Length of the interval in s.
+    inertia
+        H by its columns.
+    gamma
+        Diagonal of Gamma.
+
+    """
+    stack, targets = memory['concurrent_learning_stack'], memory['concurrent_learning_targets']
+    motion = memory['concurrent_learning_motion']
+    impulse = memory['concurrent_learning_impulse']
+    n, p = len(inertia), len(gamma)
+    size = n * p
+    point, target, factored = np.empty(size), np.empty(n), np.empty((n, n))
+    for i in range(n):
+        target[i] = impulse[i, lane] / elapsed
+        for j in range(p):
+            point[i * p + j] = motion[i * p + j, lane] / elapsed
+        for k in range(n):
+            factored[i, k] = inertia[k][i]
+    factor(factored)
+    for i in range(n):
+        for k in range(i):
+            target[i] -= factored[i, k] * target[k]
+            for j in range(p):
+                point[i * p + j] -= factored[i, k] * point[k * p + j]
+    for i in range(n):
+        weight = 1.0 / math.sqrt(factored[i, i]) if factored[i, i] > 0.0 else 0.0
+        target[i] *= weight
+        for j in range(p):
+            point[i * p + j] *= weight
+    count = int(memory['concurrent_learning_count'][lane])
+    place = _place_to_fill(stack, lane, count, point)
+    if count == POINTS:
+        place = _place_to_replace(stack, lane, point, gamma)
+    elif place == count:
+        memory['concurrent_learning_count'][lane] = count + 1
+    if place >= 0:
+        for i in range(size):
+            stack[place * size + i, lane] = point[i]
+        for i in range(n):
+            targets[place * n + i, lane] = target[i]
     information = memory['concurrent_learning_information']
     vector = memory['concurrent_learning_vector']
-    n = len(rows[0])
-    for j in range(n):
+    for j in range(p):
         total = 0.0
-        for i in range(len(forces)):
-            total += weighted[i][j] * forces[i]
-        vector[j, lane] = kept * vector[j, lane] + period * total
-        for k in range(n):
+        for row in range(POINTS * n):
+            total += stack[row * p + j, lane] * targets[row, lane]
+        vector[j, lane] = total
+        for k in range(p):
             total = 0.0
-            for i in range(len(forces)):
-                total += weighted[i][j] * rows[i][k]
-            entry = information[j * n + k, lane]
-            information[j * n + k, lane] = kept * entry + period * total
+            for row in range(POINTS * n):
+                total += stack[row * p + j, lane] * stack[row * p + k, lane]
+            information[j * p + k, lane] = total
+
+
+@kernel
+def _place_to_fill(stack: Any, lane: int, count: int, point: Any) -> int:
+    """Return the next place of the stack if a point differs from all recorded ones, or -1."""
+    size, square = len(point), 0.0
+    for i in range(size):
+        square += point[i] * point[i]
+    for k in range(count):
+        distance = 0.0
+        for i in range(size):
+            change = point[i] - stack[k * size + i, lane]
+            distance += change * change
+        if distance <= _NOVELTY * square:
+            return -1
+    return count if square > 0.0 else -1
+
+
+@kernel
+def _place_to_replace(stack: Any, lane: int, point: Any, gamma: Numbers) -> int:
+    """Return the place at which a point makes the smallest eigenvalue largest, or -1."""
+    p, size = len(gamma), len(point)
+    n = size // p
+    whole = np.empty((p, p))
+    for j in range(p):
+        for k in range(p):
+            total = 0.0
+            for row in range(POINTS * n):
+                total += stack[row * p + j, lane] * stack[row * p + k, lane]
+            whole[j, k] = total
+    best, place = smallest_eigenvalue(whole, gamma) * (1.0 + _ROUNDING), -1
+    changed = np.empty((p, p))
+    for number in range(POINTS):
+        for j in range(p):
+            for k in range(p):
+                total = whole[j, k]
+                for i in range(n):
+                    old = number * size + i * p
+                    total += point[i * p + j] * point[i * p + k]
+                    total -= stack[old + j, lane] * stack[old + k, lane]
+                changed[j, k] = total
+        value = smallest_eigenvalue(changed, gamma)
+        if value > best:
+            best, place = value, number
+    return place
+
+
+@kernel
+def smallest_eigenvalue(matrix: Any, gamma: Numbers) -> float:
+    """
+    Return the smallest eigenvalue of Gamma^-1 A, for a semi-definite A (p, p).
+
+    By inverse iteration; where A is singular it is that of A with a small multiple of Gamma.
+    """
+    p = len(gamma)
+    scaled, work, x = np.empty((p, p)), np.empty((p, p)), np.empty(p)
+    trace = 0.0
+    for j in range(p):
+        for k in range(p):
+            scaled[j, k] = matrix[j, k] / math.sqrt(gamma[j] * gamma[k])
+        trace += scaled[j, j]
+    if not trace > 0.0:
+        return 0.0
+    for j in range(p):
+        scaled[j, j] += _RIDGE * trace
+        # Of a vector that is orthogonal to none of those of usual robots.
+        x[j] = 1.0 / (1.0 + j) if j % 2 == 0 else -1.0 / (1.0 + j)
+        for k in range(p):
+            work[j, k] = scaled[j, k]
+    factor(work)
+    for _ in range(_ITERATIONS):
+        solve(work, x)
+        square = 0.0
+        for j in range(p):
+            square += x[j] * x[j]
+        length = math.sqrt(square)
+        for j in range(p):
+            x[j] /= length
+    value = 0.0
+    for j in range(p):
+        for k in range(p):
+            value += x[j] * scaled[j, k] * x[k]
+    return value
 
 
 @kernel
 def _recalled(memory: Any, lane: int, theta: Numbers, gamma: Numbers, weight: float) -> Numbers:
     """
-    Return Gamma (theta - theta+) for theta+ after an implicit step with `weight` T kappa.
+    Return Gamma (theta - theta+) for theta+ after an implicit step, `weight` being T kappa.
 
     (Gamma + T kappa A) (theta+ - theta) = T kappa (b - A theta).
     """
@@ -134,13 +331,13 @@ def _recalled(memory: Any, lane: int, theta: Numbers, gamma: Numbers, weight: fl
     n = len(theta)
     work = np.empty((n, n + 1))
     for i in range(n):
-        residual = vector[i, lane]
+        rest = vector[i, lane]
         for j in range(n):
             entry = information[i * n + j, lane]
-            residual -= entry * theta[j]
+            rest -= entry * theta[j]
             work[i, j] = weight * entry
         work[i, i] += gamma[i]
-        work[i, n] = weight * residual
+        work[i, n] = weight * rest
     solve_definite(n, work)
     for i in range(n):
         work[i, 0] = -gamma[i] * work[i, n]
@@ -159,6 +356,8 @@ def learn(settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, held:
     before = get(memory, 'concurrent_learning_velocity', lane)
     if before[0] == before[0]:
         _record(settings, tick, memory, lane, before)
+    else:
+        _restart(memory, lane)
     recalled = _recalled(
         memory,
         lane,
@@ -181,8 +380,8 @@ CONCURRENT_LEARNING = register(
         MEMORY,
         learn,
         project,
-        summary='rasmc with additional adaptation to recorded data of the motion',
-        source='Chowdhary and Johnson 2010',
+        summary='rasmc with additional adaptation to a finite stack of recorded data',
+        source='Chowdhary and Johnson 2010 and 2011',
         most_parameters=32,
     )
 )

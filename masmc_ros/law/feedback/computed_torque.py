@@ -2,13 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Computed torque: inverse model of joint velocities that follow an outer loop.
+Computed torque: the model inverted in the joints' rates, which follow those of an outer loop.
 
     z = rates - rates_r,    wdot = z
     tau = H (a_r - K_d z - K_p w) + V v
 
-where v_r and a_r of (14), an outer kinematic loop of bandwidth sigma, replace desired velocities
-(reference [2] of the paper). With sigma 0 it is the source's law for velocities.
+with v_r and a_r of (14), an outer kinematic loop of bandwidth sigma, in place of desired
+velocities (reference [2] of the paper): with sigma 0 it is the source's law of velocities alone.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ from typing import Any
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.law import Law, register
 from masmc_ros.law.parts.adaptation import project
-from masmc_ros.law.parts.inverse_dynamics import model_forces, rate_error
+from masmc_ros.law.parts.integral import integrated
+from masmc_ros.law.parts.inverse_dynamics import limited_motion, model_forces, rate_error
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.tick import Tick
@@ -26,7 +27,7 @@ from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, put
-from masmc_ros.numerics.scalars import minus, moved
+from masmc_ros.numerics.scalars import minus
 from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot import mechanism
 
@@ -66,11 +67,18 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
 def learn(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
-    """Integrate the velocity error, except while the torque is limited."""
-    if torque == raw:
-        w = get(memory, 'computed_torque_integral', lane)
-        following = elementwise(moved, w, rate_error(tick), tick.period)
-        put(memory, 'computed_torque_integral', lane, following)
+    """Integrate the rates' error, with back-calculation from the torque that is commanded."""
+    a = limited_motion(tick, tick.nominal, raw, torque)
+    w = elementwise(
+        integrated,
+        get(memory, 'computed_torque_integral', lane),
+        rate_error(tick),
+        mechanism.joint_rates(tick.model, a),
+        get(settings, 'computed_torque_k_d', lane),
+        get(settings, 'computed_torque_k_p', lane),
+        tick.period,
+    )
+    put(memory, 'computed_torque_integral', lane, w)
 
 
 COMPUTED_TORQUE = register(

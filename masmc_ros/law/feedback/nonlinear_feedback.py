@@ -2,14 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Nonlinear feedback: inverse model, with task errors that decay like those of springs.
+Nonlinear feedback: the model inverted, so that errors of the task decay as those of springs.
 
     xddot_c = xddot_d - K_d edot - K_p e - K_i w,    wdot = e
     tau = H J^-1 (xddot_c - Jdot v) + V v
 
-is known as computed torque in task space (reference [1] of the paper). In [4] it decouples inputs
-from outputs, which is equivalent for equal numbers of inputs and outputs. K_i is an addition; the
-source has 0.
+is what the literature calls computed torque in task space (reference [1] of the paper); [4]
+decouples inputs from outputs by it, which is the same wherever the output has as many entries as
+there are inputs. K_i is ours, 0 as in the source.
 """
 
 from __future__ import annotations
@@ -19,14 +19,18 @@ from typing import Any
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.law import Law, register
 from masmc_ros.law.parts.adaptation import project
-from masmc_ros.law.parts.inverse_dynamics import acceleration_torque, spring
+from masmc_ros.law.parts.integral import integrated
+from masmc_ros.law.parts.inverse_dynamics import (
+    acceleration_torque,
+    limited_acceleration,
+    spring,
+)
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, put
-from masmc_ros.numerics.scalars import moved
 from masmc_ros.numerics.tuples import elementwise
 
 PARAMETERS = (
@@ -67,15 +71,17 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
 def learn(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
-    """Integrate the error, except while the torque is limited."""
-    if torque == raw:
-        w = get(memory, 'nonlinear_feedback_integral', lane)
-        put(
-            memory,
-            'nonlinear_feedback_integral',
-            lane,
-            elementwise(moved, w, tick.error, tick.period),
-        )
+    """Integrate the error, with back-calculation from the torque that is commanded."""
+    w = elementwise(
+        integrated,
+        get(memory, 'nonlinear_feedback_integral', lane),
+        tick.error,
+        limited_acceleration(tick, tick.nominal, raw, torque),
+        get(settings, 'nonlinear_feedback_k_p', lane),
+        get(settings, 'nonlinear_feedback_k_i', lane),
+        tick.period,
+    )
+    put(memory, 'nonlinear_feedback_integral', lane, w)
 
 
 NONLINEAR_FEEDBACK = register(

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-PID control in task space, without a model: spring, damper and integral on each axis.
+PID in task space, without a model: a spring, a damper and an integral on each axis.
 
     tau = J' u,    u = -K_p e - K_d edot - K_i w,    wdot = e
 """
@@ -14,14 +14,14 @@ from typing import Any
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.law import Law, register
 from masmc_ros.law.parts.adaptation import project
-from masmc_ros.law.parts.inverse_dynamics import task_force_torque
+from masmc_ros.law.parts.integral import integrated
+from masmc_ros.law.parts.inverse_dynamics import limited_force, task_force_torque
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, put
-from masmc_ros.numerics.scalars import moved
 from masmc_ros.numerics.tuples import elementwise
 
 PARAMETERS = (
@@ -58,10 +58,17 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
 def learn(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
-    """Integrate the error, except while the torque is limited."""
-    if torque == raw:
-        w = get(memory, 'pid_integral', lane)
-        put(memory, 'pid_integral', lane, elementwise(moved, w, tick.error, tick.period))
+    """Integrate the error, with back-calculation from the torque that is commanded."""
+    w = elementwise(
+        integrated,
+        get(memory, 'pid_integral', lane),
+        tick.error,
+        limited_force(tick, raw, torque),
+        get(settings, 'pid_k_p', lane),
+        get(settings, 'pid_k_i', lane),
+        tick.period,
+    )
+    put(memory, 'pid_integral', lane, w)
 
 
 PID = register(

@@ -10,7 +10,7 @@ from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.scalars import minus, plus, zero
-from masmc_ros.numerics.tuples import elementwise
+from masmc_ros.numerics.tuples import elementwise, matrix_times
 from masmc_ros.robot import mechanism
 
 
@@ -78,6 +78,44 @@ def surface_torque(tick: Tick, theta: Numbers, sigma: Numbers, nu: Numbers) -> N
         _with_surface_rate, tick.desired_acceleration, tick.error_derivative, sigma, nu
     )
     return acceleration_torque(tick, theta, acceleration)
+
+
+@formula
+def limited_motion(tick: Tick, theta: Numbers, raw: Numbers, torque: Numbers) -> Numbers:
+    """
+    Return the change of dv/dt by limits of the torque: H^-1 (torque - raw).
+
+    Parameters
+    ----------
+    tick
+        State and reference.
+    theta
+        Base parameters of the model that H is computed from.
+    raw
+        Joint torques that the law requests in N m.
+    torque
+        Joint torques that are commanded in N m.
+
+    """
+    force = mechanism.forces(tick.model, elementwise(minus, torque, raw))
+    h = mechanism.inertia(tick.model, tick.posture, theta)
+    return mechanism.inertia_solve(tick.model, h, force)
+
+
+@formula
+def limited_acceleration(tick: Tick, theta: Numbers, raw: Numbers, torque: Numbers) -> Numbers:
+    """Return the change of the task acceleration: J `limited_motion`."""
+    a = limited_motion(tick, theta, raw, torque)
+    return mechanism.task_velocity(tick.model, tick.posture, a)
+
+
+@formula
+def limited_force(tick: Tick, raw: Numbers, torque: Numbers) -> Numbers:
+    """Return the change of the force on the task's axes by limits of the torque, in N."""
+    if torque != raw:
+        h = mechanism.task_inertia(tick.model, tick.posture, tick.nominal, tick.surface)
+        return matrix_times(h, limited_acceleration(tick, tick.nominal, raw, torque))
+    return elementwise(zero, tick.surface)
 
 
 @formula

@@ -23,6 +23,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from masmc_ros.law.parts.inverse_dynamics import limited_acceleration
 from masmc_ros.law.parts.slip import backed_off, SLIP_BACKOFF
 from masmc_ros.law.reaching.reaching import GAINS, Reaching, register
 from masmc_ros.law.tick import Tick
@@ -151,10 +152,7 @@ def correct(
     The disturbance estimate then does not follow the effect of the limits.
     """
     if torque != raw:
-        force = mechanism.forces(tick.model, elementwise(minus, torque, raw))
-        h = mechanism.inertia(tick.model, tick.posture, tick.nominal)
-        a = mechanism.inertia_solve(tick.model, h, force)
-        change = mechanism.task_velocity(tick.model, tick.posture, a)
+        change = limited_acceleration(tick, tick.nominal, raw, torque)
         predicted = elementwise(moved, get(memory, 'predicted', lane), change, tick.period)
         put(memory, 'predicted', lane, predicted)
 

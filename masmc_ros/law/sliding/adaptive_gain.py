@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Sliding mode with an adaptive gain: the switching gain grows until it suffices.
+Sliding mode with an adaptive gain: the switching gain grows outside a dead zone.
 
     tau = Y theta_hat + J' u,    u = -K s - k sat(s / delta)
     k_i' = gamma (|s_i| - dead zone)+ - leak k_i,    0 <= k_i <= k_max
@@ -108,7 +108,7 @@ ADAPTIVE_GAIN = register(
         MEMORY,
         learn,
         project,
-        summary='sliding mode whose switching gain grows until it suffices',
+        summary='sliding mode whose switching gain grows while s is outside a dead zone',
         source='[7] of the paper; Huang, Kuo and Chang 2008',
         uses_switching=False,
     )

@@ -2,11 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Super-twisting whose gains adapt to the disturbance.
+Super-twisting whose gains follow what the disturbance asks for.
 
-    alpha' = rate sgn(|s| - zone),  alpha >= least,    beta = 2 epsilon alpha
+    alpha' = rate sgn(|s_r| - zone),  least <= alpha <= largest,    beta = 2 epsilon alpha
 
-are k_1 and k_2 of `super_twisting`, whose implicit step this law uses.
+are k_1 and k_2 of `super_twisting`, whose sampled law this one takes. s_r is s unless limits
+change the torque: then it is the surface for which the law would request the limited one.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.inverse_dynamics import surface_torque
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.surface import SIGMA
-from masmc_ros.law.sliding.super_twisting import following, integrated, surface_rate
+from masmc_ros.law.sliding.super_twisting import applied, integrated, surface_rate
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
@@ -46,6 +47,14 @@ PARAMETERS = (
         'axes',
         2.0,
         'Smallest and initial alpha',
+        'm^0.5/s^1.5',
+        is_positive=True,
+    ),
+    PerEntry(
+        'adaptive_super_twisting.largest',
+        'axes',
+        50.0,
+        'Upper bound of alpha; least if that is larger',
         'm^0.5/s^1.5',
         is_positive=True,
     ),
@@ -82,21 +91,60 @@ def _gains(settings: Any, memory: Any, lane: int) -> tuple[Numbers, Numbers]:
 
 
 @formula
-def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
-    """Return the joints' torques in N m."""
+def _requested(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+    """Return nu."""
     alpha, beta = _gains(settings, memory, lane)
     w = get(memory, 'adaptive_super_twisting_w', lane)
-    s_next = elementwise(following, tick.surface, w, alpha, beta, tick.period)
-    nu = elementwise(surface_rate, tick.surface, s_next, tick.period)
+    return elementwise(surface_rate, tick.surface, w, alpha, beta, tick.period)
+
+
+@formula
+def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+    """Return the joints' torques in N m."""
+    nu = _requested(settings, tick, memory, lane)
     return surface_torque(
         tick, get(memory, 'estimate', lane), get(settings, 'sigma', lane), nu
     )
 
 
 @formula
-def _grown(growth: float, s: float, rate: float, zone: float, period: float) -> float:
-    """Return alpha minus its minimum, a period later."""
-    moved = growth + (period * rate if abs(s) > zone else -period * rate)
+def realisable_surface(w: float, nu: float, alpha: float, beta: float, period: float) -> float:
+    """
+    Return |s| in m/s for which the law would request nu in m/s2: the inverse of `surface_rate`.
+
+    Parameters
+    ----------
+    w
+        Integral part of nu in m/s2.
+    nu
+        Acceleration as limits of the torque leave it in m/s2.
+    alpha, beta
+        Gains of the root and of the integral.
+    period
+        Control period T in s.
+
+    """
+    push = abs(w - nu)
+    beyond = push - 2.0 * period * beta
+    root = beyond / alpha if beyond > 0.0 else 0.0
+    held = 0.5 * push if beyond < 0.0 else period * beta
+    return root * root + period * alpha * root + period * held
+
+
+@formula
+def _grown(
+    growth: float,
+    s: float,
+    rate: float,
+    zone: float,
+    least: float,
+    largest: float,
+    period: float,
+) -> float:
+    """Return alpha beyond its least a period later."""
+    room = largest - least
+    moved = growth + (period * rate if s > zone else -period * rate)
+    moved = moved if moved < room else room
     return moved if moved > 0.0 else 0.0
 
 
@@ -104,22 +152,28 @@ def _grown(growth: float, s: float, rate: float, zone: float, period: float) -> 
 def learn(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
-    """Integrate and adapt the gains, except while the torque is limited."""
-    if torque == raw:
-        alpha, beta = _gains(settings, memory, lane)
-        w = get(memory, 'adaptive_super_twisting_w', lane)
-        s_next = elementwise(following, tick.surface, w, alpha, beta, tick.period)
-        w = elementwise(integrated, w, tick.surface, s_next, beta, tick.period)
-        put(memory, 'adaptive_super_twisting_w', lane, w)
-        growth = elementwise(
-            _grown,
-            get(memory, 'adaptive_super_twisting_growth', lane),
-            tick.surface,
-            get(settings, 'adaptive_super_twisting_rate', lane),
-            get(settings, 'adaptive_super_twisting_zone', lane),
-            tick.period,
-        )
-        put(memory, 'adaptive_super_twisting_growth', lane, growth)
+    """Integrate and move the gains, conditioned on the torque that is commanded."""
+    alpha, beta = _gains(settings, memory, lane)
+    w = get(memory, 'adaptive_super_twisting_w', lane)
+    requested = _requested(settings, tick, memory, lane)
+    nu = applied(tick, get(memory, 'estimate', lane), requested, raw, torque)
+    growth = elementwise(
+        _grown,
+        get(memory, 'adaptive_super_twisting_growth', lane),
+        elementwise(realisable_surface, w, nu, alpha, beta, tick.period),
+        get(settings, 'adaptive_super_twisting_rate', lane),
+        get(settings, 'adaptive_super_twisting_zone', lane),
+        get(settings, 'adaptive_super_twisting_least', lane),
+        get(settings, 'adaptive_super_twisting_largest', lane),
+        tick.period,
+    )
+    put(memory, 'adaptive_super_twisting_growth', lane, growth)
+    put(
+        memory,
+        'adaptive_super_twisting_w',
+        lane,
+        elementwise(integrated, w, nu, beta, tick.period),
+    )
 
 
 ADAPTIVE_SUPER_TWISTING = register(

@@ -2,12 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Super-twisting of accelerations in implicit Euler, without chatter.
+Super-twisting at the level of accelerations, in a discretisation with |s| <= L T^2.
 
-    sdot = nu,    nu = -k_1 sqrt|s| sgn s + w,    wdot = -k_2 sgn s
+    sdot = nu + delta,    nu = -k_1 sqrt|s| sgn s + w,    wdot = -k_2 sgn s
 
-with s+ = s + T nu in place of s on the right. With b = s + T w, |b| <= T^2 k_2 gives s+ = 0;
-otherwise s+ has the sign of b, and |s+| + T k_1 sqrt|s+| + T^2 k_2 = |b|.
+with a disturbance |d delta/dt| <= L. The sampled law is implicit Euler in (z, w + delta):
+
+    z + T k_1 sqrt|z| sgn z + T^2 k_2 zeta = s,    zeta in Sgn(z),
+    nu = w - k_1 sqrt|z| sgn z - 2 T k_2 zeta,    w+ = w - T k_2 zeta
+
+|s| <= T^2 k_2 gives z = 0; then the next s is T (delta_k - delta_{k-1}).
 """
 
 from __future__ import annotations
@@ -18,7 +22,7 @@ from typing import Any
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.law import Law, register
 from masmc_ros.law.parts.adaptation import project
-from masmc_ros.law.parts.inverse_dynamics import surface_torque
+from masmc_ros.law.parts.inverse_dynamics import limited_acceleration, surface_torque
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.reaching.sign import sign
@@ -27,6 +31,7 @@ from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, put
+from masmc_ros.numerics.scalars import plus
 from masmc_ros.numerics.tuples import elementwise
 
 PARAMETERS = (
@@ -39,32 +44,60 @@ MEMORY = (ESTIMATE, Field('super_twisting_w', 'axes', 'w, integral part of nu', 
 
 
 @formula
-def following(s: float, w: float, k_1: float, k_2: float, period: float) -> float:
-    """Return s+ of one axis in m/s, for s in m/s and w in m/s²."""
-    b = s + period * w
-    beyond = abs(b) - period * period * k_2
+def _within(value: float, bound: float) -> float:
+    """Return a number limited to -bound ... bound."""
+    return bound if value > bound else (-bound if value < -bound else value)
+
+
+@formula
+def surface_rate(s: float, w: float, k_1: float, k_2: float, period: float) -> float:
+    """
+    Return nu of one axis in m/s2.
+
+    Parameters
+    ----------
+    s
+        Surface in m/s.
+    w
+        Integral part of nu in m/s2.
+    k_1, k_2
+        Gains of the root and of the integral.
+    period
+        Control period T in s.
+
+    """
+    beyond = abs(s) - period * period * k_2
     beyond = beyond if beyond > 0.0 else 0.0
     half = 0.5 * period * k_1
     root = math.sqrt(half * half + beyond) - half
-    return sign(b) * root * root
+    return w - k_1 * root * sign(s) - 2.0 * _within(s / period, period * k_2)
 
 
 @formula
-def surface_rate(s: float, s_next: float, period: float) -> float:
-    """Return nu = (s+ - s) / T in m/s2."""
-    return (s_next - s) / period
+def integrated(w: float, nu: float, k_2: float, period: float) -> float:
+    """
+    Return the next w of one axis in m/s2 from nu as limits of the torque leave it.
+
+    Half of w - nu, limited to T k_2, is T k_2 zeta of the nu that the law requests. Behind
+    limits it is that of the surface for which the law would request the limited nu, as in the
+    conditioned super-twisting algorithm.
+    """
+    return w - _within(0.5 * (w - nu), period * k_2)
 
 
 @formula
-def integrated(w: float, s: float, s_next: float, k_2: float, period: float) -> float:
-    """Return the next w in m/s²; on the surface it equals nu."""
-    return -s / period if s_next == 0.0 else w - period * k_2 * sign(s_next)
+def applied(tick: Tick, theta: Numbers, nu: Numbers, raw: Numbers, torque: Numbers) -> Numbers:
+    """Return nu as limits of the torque leave it, `raw` being requested, `torque` commanded."""
+    if torque != raw:
+        return elementwise(plus, nu, limited_acceleration(tick, theta, raw, torque))
+    return nu
 
 
 @formula
-def _following(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+def _requested(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+    """Return nu."""
     return elementwise(
-        following,
+        surface_rate,
         tick.surface,
         get(memory, 'super_twisting_w', lane),
         get(settings, 'super_twisting_k_1', lane),
@@ -76,8 +109,7 @@ def _following(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
 @formula
 def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     """Return the joints' torques in N m."""
-    s_next = _following(settings, tick, memory, lane)
-    nu = elementwise(surface_rate, tick.surface, s_next, tick.period)
+    nu = _requested(settings, tick, memory, lane)
     return surface_torque(
         tick, get(memory, 'estimate', lane), get(settings, 'sigma', lane), nu
     )
@@ -87,17 +119,16 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
 def learn(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
-    """Integrate, except while the torque is limited, to avoid wind-up."""
-    if torque == raw:
-        w = elementwise(
-            integrated,
-            get(memory, 'super_twisting_w', lane),
-            tick.surface,
-            _following(settings, tick, memory, lane),
-            get(settings, 'super_twisting_k_2', lane),
-            tick.period,
-        )
-        put(memory, 'super_twisting_w', lane, w)
+    """Integrate, conditioned on the torque that is commanded."""
+    nu = _requested(settings, tick, memory, lane)
+    w = elementwise(
+        integrated,
+        get(memory, 'super_twisting_w', lane),
+        applied(tick, get(memory, 'estimate', lane), nu, raw, torque),
+        get(settings, 'super_twisting_k_2', lane),
+        tick.period,
+    )
+    put(memory, 'super_twisting_w', lane, w)
 
 
 SUPER_TWISTING = register(
@@ -108,8 +139,8 @@ SUPER_TWISTING = register(
         MEMORY,
         learn,
         project,
-        summary='second-order sliding mode: a root and an integral of the sign, implicit',
-        source='Levant 1993; Brogliato, Polyakov and Efimov 2020',
+        summary='second-order sliding mode: a root and an integral of the sign, error of order T²',
+        source='Levant 1993; Seeber and Andritsch 2025',
         uses_switching=False,
     )
 )
