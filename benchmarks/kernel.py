@@ -43,7 +43,7 @@ CASES = {
 }
 
 CLAIMS = dict(zip(CASES, ((0.74, 0.12), (0.8, 0.13), (0.81, 0.32)), strict=True))
-"""Of the run in C, alone and side by side, as docs/development.md has them."""
+"""Of the run in C, alone and side by side, as docs/development/architecture.md has them."""
 
 OWN_CLAIM, TREE_CLAIM, PROCESSES_CLAIM = 0.16, 22.5, 2.0
 """Side by side with disturbances of their own, TIAGo, two processes."""

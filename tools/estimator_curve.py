@@ -5,7 +5,7 @@
 Error against torque variation of the velocity estimator and of a first-order filter.
 
 `python tools/estimator_curve.py` draws docs/images/estimator.png and renews the table in
-docs/estimator.md. The paper's scenario, smc with the implicit law and observer_gain 0.5, at
+docs/theory/estimator.md. The paper's scenario, smc with the implicit law and observer_gain 0.5, at
 1 kHz, encoders of 1e-4 rad and noise of 0.01 rad/s on the measured rates.
 """
 
@@ -151,7 +151,7 @@ def main() -> None:
             print(f'first-order filter, {bandwidth} rad/s: diverges')
     plain = measured()
     _draw(estimates, [p for p in filters if p.error < _NO_CURVE], plain)
-    path = ROOT / 'docs' / 'estimator.md'
+    path = ROOT / 'docs' / 'theory' / 'estimator.md'
     table = _table(estimates, filters, plain)
     text = path.read_text(encoding='utf-8')
     path.write_text(_TABLE.sub(lambda m: m[1] + table + m[2], text), encoding='utf-8')

@@ -38,7 +38,7 @@ def tables() -> dict[str, str]:
 
 def _tables() -> dict[str, str]:
     names = {parameter.name for parameter in shared()}
-    # Parameters of the other laws are in docs/laws/.
+    # Parameters of the other laws are in docs/reference/laws/.
     paper = {p.name for name in PAPER_LAWS for p in registry.LAWS[name].parameters}
     of_laws = {
         law.name: {p.name for p in law.parameters} - paper for law in registry.LAWS.values()
@@ -67,7 +67,7 @@ def _tables() -> dict[str, str]:
 def _laws() -> str:
     lines = ['| law | what it is | from |', '|---|---|---|']
     for name, law in registry.LAWS.items():
-        place = '../control_law.md' if name in PAPER_LAWS else f'{name}.md'
+        place = '../../theory/sampled_laws.md' if name in PAPER_LAWS else f'{name}.md'
         lines.append(f'| [`{name}`]({place}) | {law.summary} | {law.source} |')
     return '\n'.join(lines) + '\n'
 

@@ -5,7 +5,7 @@
 How long a torque may be held under a boundary layer, and how thick the layer has to be.
 
 Inside the layer a smooth switching term is the gain K_s1 + K_s2 / delta. Held for h seconds it
-is stable as long as h (K_s1 + K_s2 / delta) < 2 lambda_min(H_x); see docs/control_law.md.
+is stable as long as h (K_s1 + K_s2 / delta) < 2 lambda_min(H_x); see docs/theory/sampled_laws.md.
 """
 
 from __future__ import annotations

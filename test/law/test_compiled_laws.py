@@ -50,7 +50,7 @@ print(json.dumps({
 
 def example() -> str:
     """Return the law of the documentation."""
-    text = (ROOT / 'docs' / 'extending.md').read_text(encoding='utf-8')
+    text = (ROOT / 'docs' / 'getting_started' / 'own_law.md').read_text(encoding='utf-8')
     found = re.search(r'```python\n# explicit_twisting\.py\n(.*?)```', text, re.DOTALL)
     assert found is not None
     return found.group(1)

@@ -20,7 +20,7 @@ from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
 
-DOCS = Path(__file__).parents[2] / 'docs' / 'laws'
+DOCS = Path(__file__).parents[2] / 'docs' / 'reference' / 'laws'
 OTHERS = [name for name in LAWS if name not in ('smc', 'rasmc')]
 SHORT = 'duration=0.4'
 

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a busy machine does to a run by the wall clock: the bounds of docs/real_time.md."""
+"""Effects of a busy machine on a real-time run: the bounds of docs/reference/real_time.md."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The bounds of docs/control_law.md: where sampled laws begin to chatter."""
+"""The bounds of docs/theory/sampled_laws.md: where sampled laws begin to chatter."""
 
 from __future__ import annotations
 
@@ -50,7 +50,8 @@ def test_the_disturbance_in_task_space_is_what_the_document_says() -> None:
         m = matrices(DEFAULT, run.position[tick], run.velocity[tick, 3:])
         largest = np.maximum(largest, np.abs(np.linalg.solve(m.jacobian.T, disturbance)))
     stated = ', '.join(f'{each:.1f}' for each in largest)
-    assert f'reaches ({stated})' in (ROOT / 'docs' / 'control_law.md').read_text(encoding='utf-8')
+    page = ROOT / 'docs' / 'theory' / 'sampled_laws.md'
+    assert f'reaches ({stated})' in page.read_text(encoding='utf-8')
     assert np.all(largest < 100.0)
 
 

@@ -150,7 +150,7 @@ def test_without_slip_it_goes_the_way_of_the_rigid_robot() -> None:
 
 @pytest.mark.parametrize('friction', [0.8, 0.3, 0.1])
 def test_the_robust_law_keeps_traction(friction: float) -> None:
-    """As docs/contact.md has it, in the first seconds of the path."""
+    """As docs/guides/contact.md has it, in the first seconds of the path."""
     stretch = run(
         'duration=6.0',
         f'plant.friction={friction}',
@@ -163,7 +163,7 @@ def test_the_robust_law_keeps_traction(friction: float) -> None:
 
 @pytest.mark.parametrize(('backoff', 'keeps'), [(0.05, True), (0.0, False)])
 def test_an_estimate_that_backs_off_lets_wheels_grip_again(backoff: float, keeps: bool) -> None:
-    """As docs/contact.md has it: an abrupt start, after which one of both never grips again."""
+    """As in docs/guides/contact.md: an abrupt start, after which one of both never grips again."""
     stretch = run(
         'duration=4.0',
         'plant.friction=0.3',

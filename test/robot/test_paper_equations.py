@@ -4,7 +4,7 @@
 """
 What the paper prints where it disagrees with the mechanism, and what is right instead.
 
-docs/model.md discusses each of these; (15)-(23) are in test_lyapunov.py.
+docs/theory/model.md discusses each of these; (15)-(23) are in test_lyapunov.py.
 """
 
 from __future__ import annotations

@@ -165,7 +165,8 @@ def test_meshes_are_found(name: str) -> None:
 
 def test_the_example_in_the_documents_gives_what_they_say() -> None:
     pytest.importorskip('pinocchio')
-    text = (Path(__file__).resolve().parents[2] / 'docs/robots.md').read_text(encoding='utf-8')
+    page = Path(__file__).resolve().parents[2] / 'docs' / 'reference' / 'urdf_robots.md'
+    text = page.read_text(encoding='utf-8')
     found = re.search(r'```python\n(.*?)```\n\n```text\n(.*?)```', text, re.DOTALL)
     assert found is not None
     told = subprocess.run(

@@ -11,7 +11,7 @@ With g = Y' sigma, sigma = J^-1 s, the gradient of (23), theta_0 the nominal est
 
 explicit in the gradient (a mechanism may have a better step of its own, `theta_step`) and
 implicit in what pulls back, which no rate can make unstable;
-projection follows. docs/adaptation.md has the sources and what each part is for.
+projection follows. docs/theory/adaptation.md has the sources and what each part is for.
 """
 
 from __future__ import annotations
@@ -248,7 +248,7 @@ def projected(
     model: Any, theta: Numbers, nominal: Numbers, gamma: Numbers, lower: float, upper: float
 ) -> Numbers:
     """
-    Return theta moved into the box, and to where bodies can have it; docs/adaptation.md.
+    Return theta moved into the box, and to where bodies can have it; docs/theory/adaptation.md.
 
     Every cut is the projection onto a half-space that holds every robot whose bodies are
     all above `lower`, so that none takes theta farther from the theta of such a one. In the

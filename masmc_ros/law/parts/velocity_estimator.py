@@ -6,7 +6,7 @@ Rates from joint angles: a Luenberger observer of angle, rate and push, one join
 
 Between two ticks the nominal model says how the commanded torque and the law's disturbance
 estimate accelerate the joint; the push, an acceleration, is what they leave unsaid. At a tick
-all three follow the angle that was measured. docs/estimator.md has the equations.
+all three follow the angle that was measured. docs/theory/estimator.md has the equations.
 """
 
 from __future__ import annotations

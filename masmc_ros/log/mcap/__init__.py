@@ -5,8 +5,8 @@
 Writer of MCAP files in bulk.
 
 The library mcap makes an object of every record and takes three times the time of this one to
-write a run (docs/decisions/log_writer.md). The records themselves (channels, metadata, indexes)
-are those of mcap; this package puts many messages into a chunk at once.
+write a run (docs/development/decisions/log_writer.md). The records themselves (channels,
+metadata, indexes) are those of mcap; this package puts many messages into a chunk at once.
 
 `records` packs and unpacks single records, `chunks` builds and checks chunks, and `record_stream`
 writes a file from its header to its indexes and its footer.
