@@ -98,7 +98,7 @@ def _point(
 
 
 def _table(estimates: list[Point], filters: list[Point], plain: Point) -> str:
-    lines = ['| rates from | bandwidth (rad/s) | E RMS (mm) | torque variation (N·m/s) |']
+    lines = ['| velocities from | bandwidth (rad/s) | E RMS (mm) | torque variation (N·m/s) |']
     lines.append('|---|---:|---:|---:|')
     for name, points in (('estimator', estimates), ('first-order filter', filters)):
         for p in points:
