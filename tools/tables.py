@@ -64,7 +64,7 @@ def _tables() -> dict[str, str]:
 
 
 def _laws() -> str:
-    lines = ['| law | what it is | from |', '|---|---|---|']
+    lines = ['| law | summary | source |', '|---|---|---|']
     for name, law in registry.LAWS.items():
         lines.append(f'| [`{name}`]({name}.md) | {law.summary} | {law.source} |')
     return '\n'.join(lines) + '\n'
