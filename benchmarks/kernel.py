@@ -43,7 +43,7 @@ CASES = {
 }
 
 CLAIMS = dict(zip(CASES, ((0.74, 0.12), (0.8, 0.13), (0.81, 0.32)), strict=True))
-"""Documented ratios to the run in C, single and in parallel (docs/development.md)."""
+"""Documented ratios to the run in C, single and in parallel (docs/development/benchmarks.md)."""
 
 OWN_CLAIM, TREE_CLAIM, PROCESSES_CLAIM = 0.16, 22.5, 2.0
 """Documented ratios in parallel with separate disturbances, of TIAGo, and of two processes."""

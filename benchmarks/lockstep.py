@@ -26,7 +26,7 @@ from masmc_ros.share import shared_file
 
 NODES = ('trajectory', 'controller', 'plant')
 CLAIMS = {False: (1.5, 0.77), True: (2.4, 0.5)}
-"""Ratios in docs/real_time.md, without and with all options, for one process and several."""
+"""Ratios in docs/development/benchmarks.md: without and with all options, in both forms."""
 
 _PACE = re.compile(r'(\d+) ticks/s')
 

@@ -5,8 +5,8 @@
 Error against torque variation of the velocity estimator and of a first-order filter.
 
 `python tools/estimator_curve.py` draws docs/images/estimator.png and updates the table in
-docs/estimator.md. The scenario is the paper's with smc, the implicit law and observer_gain 0.5 at
-1 kHz. Encoders have 1e-4 rad, measured velocities a noise of 0.01 rad/s.
+docs/theory/estimator.md. The scenario is the paper's with smc, the implicit law and
+observer_gain 0.5 at 1 kHz. Encoders have 1e-4 rad, measured velocities a noise of 0.01 rad/s.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ def _point(
 
 
 def _table(estimates: list[Point], filters: list[Point], plain: Point) -> str:
-    lines = ['| rates from | bandwidth (rad/s) | E RMS (mm) | torque variation (N·m/s) |']
+    lines = ['| velocities from | bandwidth (rad/s) | E RMS (mm) | torque variation (N·m/s) |']
     lines.append('|---|---:|---:|---:|')
     for name, points in (('estimator', estimates), ('first-order filter', filters)):
         for p in points:
@@ -151,7 +151,7 @@ def main() -> None:
             print(f'first-order filter, {bandwidth} rad/s: diverges')
     plain = measured()
     _draw(estimates, [p for p in filters if p.error < _NO_CURVE], plain)
-    path = ROOT / 'docs' / 'estimator.md'
+    path = ROOT / 'docs' / 'theory' / 'estimator.md'
     table = _table(estimates, filters, plain)
     text = path.read_text(encoding='utf-8')
     path.write_text(_TABLE.sub(lambda m: m[1] + table + m[2], text), encoding='utf-8')

@@ -23,6 +23,7 @@ from masmc_ros.params.node_parameters import declared, NODES, shared
 
 ROOT = Path(__file__).resolve().parent.parent
 PAPER_LAWS = ('smc', 'rasmc')
+PUBLISHERS = ('plant', 'trajectory', 'controller')
 
 COMMON = {BOUNDARY_LAYER.name}
 """Parameters of switching terms that some laws read, too."""
@@ -38,7 +39,7 @@ def tables() -> dict[str, str]:
 
 def _tables() -> dict[str, str]:
     names = {parameter.name for parameter in shared()}
-    # Parameters of the other laws are in docs/laws/.
+    # Parameters of the other laws are in docs/reference/laws/.
     paper = {p.name for name in PAPER_LAWS for p in registry.LAWS[name].parameters}
     of_laws = {
         law.name: {p.name for p in law.parameters} - paper for law in registry.LAWS.values()
@@ -51,10 +52,8 @@ def _tables() -> dict[str, str]:
     return {
         'topics': _topics(),
         'shared parameters': markdown_table(shared()),
-        'tunable parameters': markdown_table(
-            tuple(p for p in own['controller'] if not p.read_only)
-        ),
         **{f'{node} parameters': markdown_table(own[node]) for node in NODES},
+        **{f'{node} publications': _publications(node) for node in PUBLISHERS},
         **{
             f'{name} law': markdown_table(tuple(p for p in controller if p.name in of_law))
             for name, of_law in of_laws.items()
@@ -65,18 +64,27 @@ def _tables() -> dict[str, str]:
 
 
 def _laws() -> str:
-    lines = ['| law | what it is | from |', '|---|---|---|']
+    lines = ['| law | summary | source |', '|---|---|---|']
     for name, law in registry.LAWS.items():
-        place = '../control_law.md' if name in PAPER_LAWS else f'{name}.md'
-        lines.append(f'| [`{name}`]({place}) | {law.summary} | {law.source} |')
+        lines.append(f'| [`{name}`]({name}.md) | {law.summary} | {law.source} |')
     return '\n'.join(lines) + '\n'
 
 
 def _topics() -> str:
-    lines = ['| topic | type | from → to | content |', '|---|---|---|---|']
+    lines = ['| topic | type | from → to |', '|---|---|---|']
     for topic in (*TOPICS, *SYSTEM_TOPICS):
         kind = topic.type_name.replace('/msg/', '/')
-        lines.append(f'| `{topic.name}` | {kind} | {topic.direction} | {topic.content} |')
+        lines.append(f'| `{topic.name}` | {kind} | {topic.direction} |')
+    return '\n'.join(lines) + '\n'
+
+
+def _publications(node: str) -> str:
+    """Return the topics that a node publishes, without those of every ROS 2 node."""
+    lines = ['| topic | type | content |', '|---|---|---|']
+    for topic in TOPICS:
+        if node in topic.direction.split('→')[0].replace(' ', '').split(','):
+            kind = topic.type_name.replace('/msg/', '/')
+            lines.append(f'| `{topic.name}` | {kind} | {topic.content} |')
     return '\n'.join(lines) + '\n'
 
 

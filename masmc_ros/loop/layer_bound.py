@@ -5,7 +5,7 @@
 Bounds for boundary layers: longest hold time of a torque, and smallest layer thickness.
 
 Inside the layer a smooth switching term acts as the gain K_s1 + K_s2 / delta. A torque held for
-h seconds is stable if h (K_s1 + K_s2 / delta) < 2 lambda_min(H_x); see docs/control_law.md.
+h seconds is stable if h (K_s1 + K_s2 / delta) < 2 lambda_min(H_x): docs/theory/sampled_laws.md.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ Late ticks of the plant in real time, and their effect in the last second.
 
 After a late tick the robot moves by a command for an earlier state. After more than a few late
 ticks at once the robot's time falls behind real time. Both increase the tracking error:
-docs/real_time.md has the measured figures.
+docs/reference/real_time.md has the measured figures.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ TOLERATED_SHARE = 0.02
 Share of late ticks above which the plant warns.
 
 With the default parameters and delays of up to 50 ms, the largest error of the end effector is
-4.8 mm at this share, 3.8 mm without late ticks, and it grows with the share (docs/real_time.md).
+4.8 mm at this share, 3.8 mm without late ticks, and it grows with the share
+(docs/reference/real_time.md).
 """
 
 _REMEDY = (

@@ -50,7 +50,7 @@ print(json.dumps({
 
 def example() -> str:
     """Return the source of the law in the documentation."""
-    text = (ROOT / 'docs' / 'extending.md').read_text(encoding='utf-8')
+    text = (ROOT / 'docs' / 'getting_started' / 'own_law.md').read_text(encoding='utf-8')
     match = re.search(r'```python\n# explicit_twisting\.py\n(.*?)```', text, re.DOTALL)
     assert match is not None
     return match.group(1)

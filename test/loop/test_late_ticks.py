@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Real-time run on a busy machine: the bounds of docs/real_time.md."""
+"""Real-time run on a busy machine: the bounds of docs/reference/real_time.md."""
 
 from __future__ import annotations
 

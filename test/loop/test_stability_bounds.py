@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Bounds of docs/control_law.md at which sampled laws chatter."""
+"""Bounds of docs/theory/sampled_laws.md at which sampled laws chatter."""
 
 from __future__ import annotations
 
@@ -52,7 +52,8 @@ def test_task_disturbance_equals_documented_value() -> None:
         m = matrices(DEFAULT, run.position[tick], run.velocity[tick, 3:])
         largest = np.maximum(largest, np.abs(np.linalg.solve(m.jacobian.T, disturbance)))
     stated = ', '.join(f'{force:.1f}' for force in largest)
-    assert f'reaches ({stated})' in (ROOT / 'docs' / 'control_law.md').read_text(encoding='utf-8')
+    page = ROOT / 'docs' / 'theory' / 'sampled_laws.md'
+    assert f'reaches ({stated})' in page.read_text(encoding='utf-8')
     assert np.all(largest < 100.0)
 
 

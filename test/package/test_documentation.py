@@ -15,7 +15,11 @@ from masmc_ros.robot.two_link.paper_robot import TORQUE_LIMIT, TORQUE_RATE_LIMIT
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-DOCUMENTS = [ROOT / 'README.md', ROOT / 'CHANGELOG.md', *sorted((ROOT / 'docs').rglob('*.md'))]
+DOCUMENTS = [
+    ROOT / 'README.md',
+    ROOT / 'CONTRIBUTING.md',
+    *(p for p in sorted((ROOT / 'docs').rglob('*.md')) if ROOT / 'docs' / 'api' not in p.parents),
+]
 LINK = re.compile(r'\]\((?!https?:|#)([^)#\s]+)')
 
 

@@ -150,7 +150,7 @@ def test_contact_plant_without_slip_matches_rigid_robot() -> None:
 
 @pytest.mark.parametrize('friction', [0.8, 0.3, 0.1])
 def test_contact_robust_law_keeps_traction(friction: float) -> None:
-    """Check the statement of docs/contact.md for the first seconds of the path."""
+    """Check the statement of docs/guides/contact.md for the first seconds of the path."""
     tick_block = run(
         'duration=6.0',
         f'plant.friction={friction}',
@@ -163,7 +163,7 @@ def test_contact_robust_law_keeps_traction(friction: float) -> None:
 
 @pytest.mark.parametrize(('backoff', 'keeps'), [(0.05, True), (0.0, False)])
 def test_contact_slip_backoff_lets_wheels_regain_grip(backoff: float, keeps: bool) -> None:
-    """Check the statement of docs/contact.md: after an abrupt start only one robot grips again."""
+    """Check docs/guides/contact.md: after an abrupt start only one robot grips again."""
     tick_block = run(
         'duration=4.0',
         'plant.friction=0.3',

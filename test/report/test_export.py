@@ -228,7 +228,7 @@ def test_export_missing_log_prints_one_line(tmp_path: Path, capsys: Any) -> None
 
 
 def test_export_documentation_names_every_column() -> None:
-    text = (ROOT / 'docs' / 'report.md').read_text(encoding='utf-8')
+    text = (ROOT / 'docs' / 'guides' / 'reports.md').read_text(encoding='utf-8')
     run = paper_like()
     both = replace(run, cmd_vel=series(run.times[:1], np.zeros((1, 2))))
     for column in table_of(both).columns:

@@ -4,7 +4,7 @@
 """
 Equations of the paper that contradict the mechanism, and their corrections.
 
-docs/model.md discusses each of them; (15)-(23) are in test_lyapunov.py.
+docs/theory/model.md discusses each of them; (15)-(23) are in test_lyapunov.py.
 """
 
 from __future__ import annotations

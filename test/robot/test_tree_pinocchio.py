@@ -165,7 +165,8 @@ def test_tree_meshes_of_published_robots_exist(name: str) -> None:
 
 def test_documented_robot_example_prints_documented_output() -> None:
     pytest.importorskip('pinocchio')
-    text = (Path(__file__).resolve().parents[2] / 'docs/robots.md').read_text(encoding='utf-8')
+    page = Path(__file__).resolve().parents[2] / 'docs' / 'reference' / 'urdf_robots.md'
+    text = page.read_text(encoding='utf-8')
     example = re.search(r'```python\n(.*?)```\n\n```text\n(.*?)```', text, re.DOTALL)
     assert example is not None
     process = subprocess.run(

@@ -10,8 +10,8 @@ With g = Y' sigma, sigma = J^-1 s, the gradient of (23), theta_0 the nominal est
     theta <- theta_0 + (theta - theta_0 - T f g / gamma) / (1 + T (leakage + nu f |s|)),
 
 explicit in the gradient (a mechanism may have a better step, `theta_step`) and implicit in the
-leakage, which is stable at any rate. The projection follows. docs/adaptation.md has the sources
-and the purpose of each part.
+leakage, which is stable at any rate. The projection follows. docs/theory/adaptation.md has the
+sources and the purpose of each part.
 """
 
 from __future__ import annotations
@@ -248,7 +248,7 @@ def projected(
     model: Any, theta: Numbers, nominal: Numbers, gamma: Numbers, lower: float, upper: float
 ) -> Numbers:
     """
-    Return theta projected into the box and onto physically possible values; docs/adaptation.md.
+    Return theta projected into the box and onto physically possible values.
 
     Every step is the projection onto a half-space that contains all robots whose bodies are above
     `lower`, so it does not increase the distance to any of them. In the rare case that many

@@ -6,7 +6,7 @@ Joint velocities from joint angles, by a Luenberger observer for each joint.
 
 The observer estimates angle, rate and unmodelled acceleration. Between two ticks the nominal model
 predicts the acceleration by the commanded torque and the law's disturbance estimate. At a tick all
-three are corrected by the measured angle. docs/estimator.md has the equations.
+three are corrected by the measured angle. docs/theory/estimator.md has the equations.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ With l = arm_base and L_1 = link_1, let
 
 the mass matrix of the robot stretched out along x and free to slide sideways. There are
 positive masses and inertias that make theta if and only if Q is positive definite, and then
-H(q) is positive definite in every posture; docs/adaptation.md proves both. Q is linear in
+H(q) is positive definite in every posture; docs/theory/adaptation.md proves both. Q is linear in
 theta: the set is convex, and a vector x for which x' Q x is not positive is the normal of a
 half-space that holds the whole set.
 """
