@@ -77,12 +77,12 @@ def rate_sources(
     places = [velocity.place for velocity in twist]
     others = joints[len(places):]
     base = CommandPart(CMD_VEL_TOPIC, len(places), names_state=is_stamped)
-    arm = CommandPart(ARM_VELOCITY_TOPIC, len(others))
+    joints_part = CommandPart(ARM_VELOCITY_TOPIC, len(others))
     return [
         Source(base, TWIST_STAMPED, TwistStamped, _stamped_twist(frame_prefix, places))
         if is_stamped
         else Source(base, TWIST, Twist, _twist(places)),
-        Source(arm, FLOAT_ARRAY, Float64MultiArray, _labelled(ArmVelocityCdr(others))),
+        Source(joints_part, FLOAT_ARRAY, Float64MultiArray, _labelled(ArmVelocityCdr(others))),
     ]
 
 
