@@ -94,6 +94,7 @@ def test_cart_arm_regressor_equals_lagrangian() -> None:
         assert skew + skew.T == pytest.approx(np.zeros((2, 2)), abs=1e-4)
 
 
+@pytest.mark.slow
 def test_cart_arm_is_simulated_logged_reported_and_exported(file: Path, tmp_path: Path) -> None:
     log = tmp_path / 'run.mcap'
     assert main(['simulate', str(file), '--output', str(log)]) == 0

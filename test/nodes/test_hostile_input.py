@@ -86,6 +86,7 @@ def _spin(tester: Peer, seconds: float) -> None:
     tester.until(lambda: time.monotonic() > end)
 
 
+@pytest.mark.slow
 def test_nodes_random_input_stay_alive(tmp_path: Path) -> None:
     survive(tmp_path, seed=1, seconds=4.0)
 

@@ -198,6 +198,7 @@ def check_changes(controller: Watched) -> None:
     assert not controller.node.logged('ERROR', 'fault: ')
 
 
+@pytest.mark.slow
 def test_law_change_to_compile_previous_law_continues(tmp_path: Path) -> None:
     with running(tmp_path, None) as controller:
         check_changes(controller)

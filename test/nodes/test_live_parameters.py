@@ -167,6 +167,7 @@ def _run_with_changes(
     assert set(started.wait().values()) == {0}, started.output()
 
 
+@pytest.mark.slow
 def test_run_with_parameter_changes_equals_recomputed_run(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
