@@ -48,15 +48,15 @@ SIGNALS = (
     Signal('applied', 'joints', 'Torque over the interval that ended', 'N·m', of_plant=True),
     Signal('reference', 'desired', 'x_d, then xdot_d, then xddot_d of the task', 'm'),
     Signal('torque', 'joints', 'Torque commanded', 'N·m'),
-    Signal('rates', 'joints', 'Rates commanded in place of a torque', 'm/s, rad/s'),
+    Signal('rates', 'joints', 'Velocities commanded in place of a torque', 'm/s, rad/s'),
     Signal('error', 'axes', 'e = x - x_d', EACH, label='tracking_error'),
     Signal('surface', 'axes', 's = ė + σ e', f'{EACH}/s', label='sliding_surface',
            title='Sliding surface', symbol='s'),
     Signal('estimate', 'parameters', 'θ̂ in the torque', EACH, label='parameter_estimate',
            title='Estimates of the base inertial parameters', symbol='estimate'),
-    Signal('raw_torque', 'joints', 'what the law asked for before the limits of `effort_commands`',
+    Signal('raw_torque', 'joints', 'requested torque, before the limits of `effort_commands`',
            'N·m', label='raw_torque', of_torques=True),
-    Signal('singular', description='Whether the task is close to singular', unit='1', kind='i8'),
+    Signal('singular', description='1 if the task is close to singular', unit='1', kind='i8'),
 )
 """All signals; the published ones are in the order of topics, columns and plots."""
 

@@ -109,23 +109,23 @@ TOPICS = (
         COMMAND_TOPIC,
         FLOAT_ARRAY,
         'controller → plant',
-        'four torques in N·m; the label `effort@SEC.NANOSEC` names the state answered; with '
-        '`data_offset` 4 nothing is commanded',
+        'four torques in N·m; the label `effort@SEC.NANOSEC` has the stamp of the answered state; '
+        '`data_offset` 4 marks a void command',
     ),
     Topic(
         CMD_VEL_TOPIC,
         TWIST,
         'controller → plant',
-        'with commanded rates, forward speed in m/s and yaw rate in rad/s; a TwistStamped in '
-        '`base_link` with `enable_stamped_cmd_vel`',
+        'with `command_interface` velocity: forward speed in m/s and yaw rate in rad/s; a '
+        'TwistStamped in `base_link` with `enable_stamped_cmd_vel`',
         turns_up=True,
     ),
     Topic(
         ARM_VELOCITY_TOPIC,
         FLOAT_ARRAY,
         'controller → plant',
-        "with commanded rates, those of the arm's joints in rad/s; the label "
-        '`velocity@SEC.NANOSEC` names the state answered',
+        'with `command_interface` velocity: velocities of the arm joints in rad/s; the label '
+        '`velocity@SEC.NANOSEC` has the stamp of the answered state',
         turns_up=True,
     ),
     Topic(
@@ -133,7 +133,7 @@ TOPICS = (
         FLOAT_ARRAY,
         'trajectory → controller',
         'windows of samples × (position, velocity, acceleration) × task axis, sent ahead; '
-        '4, 8 or 12 bare numbers are a set-point, taken where no trajectory runs',
+        '4, 8 or 12 bare numbers are a set-point, accepted while no trajectory runs',
     ),
     Topic('odom', ODOMETRY, 'plant →', 'pose and twist of `base_link` in `odom`'),
     Topic(
@@ -144,7 +144,7 @@ TOPICS = (
         f'{", ".join(_CONTACTS[:-1])} and {_CONTACTS[-1]}, after [sec, nanosec]',
         turns_up=True,
     ),
-    Topic('base_twist', TWIST, 'plant →', "the platform's measured motion"),
+    Topic('base_twist', TWIST, 'plant →', 'measured velocity of the platform'),
     *(
         Topic(
             telemetry_topic(signal.label),
@@ -171,7 +171,7 @@ TOPICS = (
         'controller/state',
         'std_msgs/msg/String',
         'controller → trajectory',
-        '`active`, `inactive: REASON` or `fault: REASON`, whenever it changes',
+        '`active`, `inactive: REASON` or `fault: REASON`, at every change',
         holds=True,
     ),
     Topic(

@@ -43,13 +43,13 @@ def test_report_page_limited_torque_plots_requested_torque() -> None:
     drawn = {trace['name']: trace for trace in figure['data']}
     assert set(drawn) == {
         'right wheel', 'left wheel', 'arm joint 1', 'arm joint 2',
-        'arm joint 1, asked for', 'arm joint 2, asked for',
+        'arm joint 1, requested', 'arm joint 2, requested',
     }  # fmt: skip
     raw = run.telemetry['raw_torque']
-    samples = lines(figure)['arm joint 2, asked for']
+    samples = lines(figure)['arm joint 2, requested']
     np.testing.assert_array_equal(samples['y'], raw.values[:, 3].astype(np.float32))
     np.testing.assert_array_equal(samples['x'], raw.times)
-    requested = drawn['arm joint 2, asked for']
+    requested = drawn['arm joint 2, requested']
     assert requested['meta']['colour'] == drawn['arm joint 2']['meta']['colour']
     assert requested['line']['dash'] != drawn['arm joint 2']['line'].get('dash', 'solid')
 

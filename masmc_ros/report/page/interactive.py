@@ -145,7 +145,7 @@ def _raw_torques(run: Run) -> list[Line]:
         return []
     _, sent, requested = np.intersect1d(run.torque.times, raw.times, return_indices=True)
     is_limited = (run.torque.values[sent] != raw.values[requested]).any(axis=0)
-    names = [f'{joint.label}, asked for' for joint in run.mechanism.joints]
+    names = [f'{joint.label}, requested' for joint in run.mechanism.joints]
     drawn = lines(names, raw.times - run.times[0], raw.values)
     return [line._replace(dash='dot') for line in compress(drawn, is_limited)]
 
