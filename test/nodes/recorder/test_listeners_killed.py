@@ -45,7 +45,7 @@ def listener(started: Subprocesses, kind: str, folder: Path, number: int) -> Any
         settings['recorder__output'] = folder / f'{number}.mcap'
     if kind == 'live':
         settings['live__port'] = 0
-    return started.start(kind, **ros_arguments(PAPER, **settings, **BOUNDED))
+    return started.start(kind, *ros_arguments(PAPER, **settings, **BOUNDED))
 
 
 class Robot:
