@@ -153,17 +153,17 @@ def test_clock_wrong_time_rejected(tmp_path: Path) -> None:
 def test_once_large_messages_are_not_kept() -> None:
     """Large messages of two subscriptions are recognised without storing them."""
     passed: list[int] = []
-    once = _DuplicateFilter(lambda raw: passed.append(raw[0]), most=200)
+    once = _DuplicateFilter(lambda raw: passed.append(raw[0]), capacity=200)
     tracemalloc.start()
     try:
         for number in range(100):
-            once.take(bytes([number]) * 10**6, once.by_volatile, once.by_past)
+            once.process(bytes([number]) * 10**6, once.by_volatile, once.by_past)
         used, _ = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
     assert used < 2 * 10**6
     for number in range(100):
-        once.take(bytes([number]) * 10**6, once.by_past, once.by_volatile)
+        once.process(bytes([number]) * 10**6, once.by_past, once.by_volatile)
     assert passed == list(range(100))
 
 

@@ -259,7 +259,7 @@ def test_velocity_interface_invalid_messages_rejected(is_stamped: bool, tmp_path
         run.injected.add(nan_for_the_arm())
         for bad, reason in (
             (twist_of(run, is_stamped, linear=Vector3(x=math.nan)), 'linear.x = nan: expected'),
-            (twist_of(run, is_stamped, angular=Vector3(y=math.inf)), 'angular.y = inf, expected'),
+            (twist_of(run, is_stamped, angular=Vector3(y=math.inf)), 'angular.y = inf: expected'),
             (GARBAGE, '8 bytes that are no'),
         ):
             check_rejection(run, twists, 'cmd_vel', bad, reason)
@@ -315,7 +315,7 @@ DISAGREEMENTS = {
     'interface': (
         {'plant__command_interface': 'velocity'},
         'controller: it sends effort_commands, and with command_interface velocity the plant'
-        ' takes cmd_vel and arm_velocity_commands',
+        ' uses cmd_vel and arm_velocity_commands',
         'command_interface = effort, and the plant has velocity',
     ),
     'the other way round': (
