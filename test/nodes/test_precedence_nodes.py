@@ -174,7 +174,7 @@ def test_parameters_namespaced_processes_same_values(
     assert comparable(active) == comparable(load_scenario(str(files['one file'])))
 
 
-@pytest.mark.parametrize('composed', ['true', 'false'])
+@pytest.mark.parametrize('composed', [pytest.param('true', marks=pytest.mark.slow), 'false'])
 @pytest.mark.parametrize('namespace', ['', 'left'])
 def test_parameters_launch_file_same_values(
     composed: str, namespace: str, files: Mapping[str, Path], tmp_path: Path
