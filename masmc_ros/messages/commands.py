@@ -34,7 +34,8 @@ from numpy.typing import ArrayLike, NDArray
 _DIMENSIONS = slice(HEADER_SIZE, HEADER_SIZE + 4)
 """Bytes of the number of dimensions; the size of the first label and the label follow."""
 
-_LABEL = slice(HEADER_SIZE + 8, None)
+_LABEL = HEADER_SIZE + 8
+"""First byte of the label."""
 
 _SECOND_DIGITS = 10
 
@@ -137,8 +138,7 @@ class CommandKind:
 
     def layout_of(self, raw: bytes) -> Layout | None:
         """Return the layout of a message by the size of its label; None if no stamp fits it."""
-        size = int.from_bytes(raw[_LABEL.start - 4:_LABEL.start], 'little')
-        characters = size - len(self.prefix) - 1
+        characters = _label_size(raw) - len(self.prefix) - 1
         return self.layout(characters) if characters in _STAMP_LENGTHS else None
 
     def stamp_of(self, raw: bytes) -> int | None:
@@ -155,8 +155,7 @@ class CommandKind:
             As `label_stamp`.
 
         """
-        size = int.from_bytes(raw[_LABEL.start - 4:_LABEL.start], 'little')
-        label = raw[_LABEL.start:_LABEL.start + size - 1] if any(raw[_DIMENSIONS]) else b''
+        label = raw[_LABEL:_LABEL + _label_size(raw) - 1] if any(raw[_DIMENSIONS]) else b''
         return self._stamp(label.decode('ascii', 'replace'))
 
     def label_stamp(self, message: Any) -> int | None:
@@ -195,6 +194,11 @@ def _places(layout: Layout) -> NDArray[np.int64]:
     characters, data = layout.places['characters'], layout.places['data']
     offset = layout.places['data_offset']
     return np.array([characters.start, characters.stop, data.start, offset.start])
+
+
+def _label_size(raw: bytes) -> int:
+    """Return the size of the first label of a serialised message, terminator included."""
+    return int.from_bytes(raw[_LABEL - 4:_LABEL], 'little')
 
 
 class CommandWriter:

@@ -49,13 +49,18 @@ def copy_message(raw: Any, forms: Any, message: Any) -> None:
 
 
 @formula
+def uint32_at(raw: Any, place: int) -> Any:
+    """Return the little-endian uint32 from byte `place` on."""
+    number = np.int64(0)
+    for i in range(4):
+        number |= np.int64(raw[place + i]) << 8 * i
+    return number
+
+
+@formula
 def stamp_at(raw: Any, place: int) -> Any:
     """Return the stamp in ns of a builtin_interfaces/Time from byte `place` on."""
-    seconds, nanoseconds = np.int64(0), np.int64(0)
-    for i in range(4):
-        seconds |= np.int64(raw[place + i]) << 8 * i
-        nanoseconds |= np.int64(raw[place + 4 + i]) << 8 * i
-    return seconds * NANOSECONDS + nanoseconds
+    return uint32_at(raw, place) * NANOSECONDS + uint32_at(raw, place + 4)
 
 
 @formula
@@ -133,9 +138,7 @@ def read_command(raw: Any, forms: Any, places: Any, numbers: Any) -> tuple[Any, 
                 part = part * 10 + digit
     if seconds >= END_OF_TIME // NANOSECONDS:
         return UNREAD, False
-    offset = np.int64(0)
-    for i in range(4):
-        offset |= np.int64(raw[places[3] + i]) << 8 * i
+    offset = uint32_at(raw, places[3])
     if offset != 0 and offset != len(numbers):
         return UNREAD, False
     written = numbers.view(np.uint8)

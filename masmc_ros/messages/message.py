@@ -16,24 +16,23 @@ class Message:
     """
     One message of a fixed layout: a record whose fields are views into its bytes.
 
-    The bytes lie so that the doubles fall on multiples of 8: reading and writing them
-    copies nothing and serialises nothing.
+    The bytes are aligned for float64 numbers, which are read and written in place.
 
     Attributes
     ----------
     words
-        the message as float64; the first number ends with the encapsulation header.
+        The message as float64; the first number ends with the encapsulation header.
 
     """
 
     def __init__(self, layout: Layout) -> None:
         """
-        Make a message that holds zeros.
+        Initialise a message of zeros.
 
         Parameters
         ----------
         layout
-            what the message looks like; not changed any more from here on.
+            Layout of the message, which must not change afterwards.
 
         """
         self._layout = layout
@@ -45,7 +44,7 @@ class Message:
         self._record = np.ndarray((), layout.dtype, self.words, self._lead)
 
     def to_bytes(self) -> bytes:
-        """Return the message as it is sent."""
+        """Return the serialised message."""
         return self._wire.tobytes()
 
     def load(self, raw: bytes) -> bool:
@@ -80,7 +79,7 @@ class StampedMessage(Message):
     _STAMP_OFFSET = len(ENCAPSULATION)
 
     def set_stamp(self, stamp_ns: int) -> None:
-        """Write the stamp, given in ns since time 0."""
+        """Write the stamp in ns since time 0."""
         STAMP.pack_into(self._wire, self._STAMP_OFFSET, *divmod(stamp_ns, NANOSECONDS))
 
     @property

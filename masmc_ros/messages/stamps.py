@@ -12,10 +12,7 @@ from masmc_ros.errors import InputError
 from masmc_ros.messages.commands import ARM_VELOCITY, EFFORT
 from masmc_ros.messages.layout import checked_stamp, ENCAPSULATION, NANOSECONDS, STAMP
 from masmc_ros.messages.names import ARM_VELOCITY_TOPIC, COMMAND_TOPIC, TELEMETRY, telemetry_topic
-from masmc_ros.messages.telemetry import telemetry_layout, TelemetryCdr
-
-_NUMBER = 8
-"""Bytes of a number."""
+from masmc_ros.messages.telemetry import telemetry_count, TelemetryCdr
 
 StampReader = Callable[[bytes], int | None]
 """Function that returns a stamp in ns, None for a message without one; InputError if invalid."""
@@ -78,11 +75,10 @@ def _stamp_at(raw: bytes, start: int) -> int:
 
 def _telemetry_reader(label: str) -> StampReader:
     """Return the reader for telemetry messages of any size."""
-    one = telemetry_layout(label, 1)
 
     @lru_cache(maxsize=8)
     def telemetry(size: int) -> TelemetryCdr:
-        return TelemetryCdr(label, max(1, 1 + (size - one.size) // _NUMBER))
+        return TelemetryCdr(label, max(1, telemetry_count(label, size)))
 
     def read(raw: bytes) -> int | None:
         message = telemetry(len(raw))

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Integrals of laws behind torque limits: back-calculation per joint, no wind-up."""
+"""Integrals of laws under torque limits: back-calculation per joint, no wind-up."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def error_and_excess(law: str, at: Instant, change: Array) -> tuple[Array, Array
 
 @pytest.mark.parametrize('seed', range(5))
 @pytest.mark.parametrize('law', GAINS)
-def test_one_limited_joint_is_back_calculated(law: str, seed: int) -> None:
+def test_integral_one_limited_joint_is_back_calculated(law: str, seed: int) -> None:
     """The integral moves on all axes, by the error that fits the commanded torque."""
     rng = np.random.default_rng(seed)
     gains = dict(zip(GAINS[law], rng.uniform(10.0, 500.0, (2, 4)), strict=True))
@@ -55,7 +55,7 @@ def test_one_limited_joint_is_back_calculated(law: str, seed: int) -> None:
 
 
 @pytest.mark.parametrize('law', GAINS)
-def test_integral_settles_behind_limits(law: str) -> None:
+def test_integral_constant_limits_converges(law: str) -> None:
     """At a constant error it converges to the value that fits the commanded torque."""
     named = {f'{law}__{name}': (gain,) * 4 for name, gain in zip(
         GAINS[law], (100.0, 500.0), strict=True
@@ -73,7 +73,7 @@ def test_integral_settles_behind_limits(law: str) -> None:
 
 @pytest.mark.parametrize('k_p', [0.0, 1e-3, 1.0, 1e3])
 @pytest.mark.parametrize('k_i', [0.0, 1.0, 1e5])
-def test_back_calculation_is_stable_at_any_gains(k_p: float, k_i: float) -> None:
+def test_integral_back_calculation_any_gains_is_stable(k_p: float, k_i: float) -> None:
     w = 0.0
     for _ in range(20000):
         w = integrated(w, 0.1, 2.0 + k_p * 0.1 + k_i * w, k_p, k_i, 1e-3)

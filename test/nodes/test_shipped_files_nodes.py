@@ -14,6 +14,7 @@ from masmc_ros.messages.parameter_record import read_record
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.share import scenarios
 import pytest
+from rclpy.node import Node
 from std_msgs.msg import String
 
 NODES = ('plant', 'trajectory', 'controller')
@@ -22,6 +23,9 @@ COMPILING = 900.0
 
 TREES = ('tiago', 'tiago_pro', 'franka_on_omni')
 """Parameter files whose URDF is part of the extra `robots`."""
+
+AWAITED, WITNESS = ('trajectory', 'controller'), 'witness'
+"""Nodes for which the plant waits by the launch file, and the one that the test adds."""
 
 SHORT = '/**:\n  ros__parameters:\n    duration: 0.02\n'
 
@@ -47,16 +51,21 @@ def test_shipped_file_nodes_in_namespace_use_its_values(
         for executable, arguments in launched(
             tmp_path, params_file=str(file), namespace='left', record='false', composed='true'
         ):
-            composed = started.start(executable, *arguments)
-        # The run ends automatically; it is in lockstep, independent of the duration of a tick.
+            # The plant waits for one node more: 20 ticks can end before the test receives any.
+            assert "plant:wait_for:=['trajectory', 'controller']" in arguments
+            awaited = ['-p', f'plant:wait_for:={[*AWAITED, WITNESS]}']
+            composed = started.start(executable, *arguments, '--ros-args', *awaited)
         tester.until(lambda: all(records.values()) or composed.process.poll() is not None)
+        witness = Node(WITNESS, namespace='/left', context=tester.node.context)
+        # The run ends automatically; it is in lockstep, independent of the duration of a tick.
         assert started.wait() == {'composed': 0}, started.output()
         assert composed.logged('INFO', '20 ticks in'), started.output()
+        witness.destroy_node()
     for node in NODES:
         active = read_record(records[node][0].data).parameters
         declared_values = {
             n: list(v) if isinstance(v, tuple) else v for n, v in expected[node].items()
         }
         if node == 'plant':
-            declared_values['wait_for'] = ['trajectory', 'controller']
+            declared_values['wait_for'] = [*AWAITED, WITNESS]
         assert active == declared_values

@@ -92,8 +92,13 @@ def test_changelog_has_the_form_of_rep_132() -> None:
 
 def without(modules: list[str], *arguments: str) -> subprocess.CompletedProcess[str]:
     """Run `masmc` as if modules were not installed."""
+    return masmc_after(f'for name in {modules!r}: sys.modules[name] = None', *arguments)
+
+
+def masmc_after(preparation: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run `masmc` in a process that executes other statements first."""
     script = (
-        f'import sys\nfor name in {modules!r}: sys.modules[name] = None\n'
+        f'import sys\n{preparation}\n'
         'from masmc_ros.cli.main import main\nsys.exit(main(sys.argv[1:]))'
     )
     return subprocess.run(
@@ -140,20 +145,8 @@ def test_masmc_missing_package_one_error_line(module: str, arguments: list[str])
 
 
 def test_simulate_old_numba_one_error_line() -> None:
-    script = (
-        'import sys, numba\nnumba.__version__ = "0.57.1"\n'
-        'from masmc_ros.cli.main import main\n'
-        'sys.exit(main(["simulate", "config/paper.yaml"]))'
-    )
-    result = subprocess.run(
-        [sys.executable, '-c', script],
-        env=child_environment(),
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        timeout=180.0,
-        check=False,
-    )
+    preparation = 'import numba\nnumba.__version__ = "0.57.1"'
+    result = masmc_after(preparation, 'simulate', 'config/paper.yaml')
     assert result.returncode == 2
     (line,) = result.stderr.splitlines()
     assert line == (

@@ -37,6 +37,7 @@ def body(seed: int) -> tuple[Array, Moments]:
 def moments_of(p: Array) -> Moments:
     pairs = ((3, 3), (0, 3), (1, 3), (2, 3), (0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))
     # The tuple has ten entries.
+    # A tuple of a comprehension has no length for the type checker; there are ten pairs.
     entries: Moments = tuple(float(p[i, j]) for i, j in pairs)  # type: ignore[assignment]
     return entries
 

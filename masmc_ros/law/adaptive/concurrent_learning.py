@@ -84,26 +84,26 @@ MEMORY = (
 )
 
 _NOVELTY = 0.05
-"""Squared distance to every point, relative to its square, from which a point fills the stack."""
+"""Minimum squared distance of a new point to all others, relative to its square."""
 
 _RIDGE = 1.0e-12
-"""Least eigenvalue of A relative to its trace, where the data leave a parameter open."""
+"""Eigenvalue added to A, relative to its trace, for parameters without excitation."""
 
 _ITERATIONS = 30
 _ROUNDING = 1.0e-9
 
 
 @formula
-def _row(of: tuple[Any, Any, Numbers, Numbers], i: int) -> Numbers:
+def _row(arguments: tuple[Any, Any, Numbers, Numbers], i: int) -> Numbers:
     """Return row i of W."""
-    model, w, like, motion = of
-    return mechanism.regressor_transpose_times(model, w, unit(motion, i), like)
+    model, w, template, motion = arguments
+    return mechanism.regressor_transpose_times(model, w, unit(motion, i), template)
 
 
 @formula
-def _inertia_column(of: tuple[Any, Any, Numbers], i: int) -> Numbers:
+def _inertia_column(arguments: tuple[Any, Any, Numbers], i: int) -> Numbers:
     """Return column i of H."""
-    model, h, motion = of
+    model, h, motion = arguments
     return mechanism.inertia_times(model, h, unit(motion, i))
 
 
@@ -172,14 +172,14 @@ def _record_point(
     memory: Any, lane: int, elapsed: float, inertia: tuple[Numbers, ...], gamma: Numbers
 ) -> None:
     """
-    Record the mean of the interval if it improves the stack, and renew A and b.
+    Record the mean of the interval if it improves the stack, and update A and b.
 
     Parameters
     ----------
     memory
-        The law's memory.
+        Memory of the law.
     lane
-        Lane of it.
+        Lane of the memory.
     elapsed
         Length of the interval in s.
     inertia
@@ -230,10 +230,16 @@ def _record_point(
             total += stack[row * p + j, lane] * targets[row, lane]
         vector[j, lane] = total
         for k in range(p):
-            total = 0.0
-            for row in range(POINTS * n):
-                total += stack[row * p + j, lane] * stack[row * p + k, lane]
-            information[j * p + k, lane] = total
+            information[j * p + k, lane] = _information(stack, lane, POINTS * n, p, j, k)
+
+
+@kernel
+def _information(stack: Any, lane: int, rows: int, p: int, j: int, k: int) -> float:
+    """Return entry j, k of A of a stack with this number of rows."""
+    total = 0.0
+    for row in range(rows):
+        total += stack[row * p + j, lane] * stack[row * p + k, lane]
+    return total
 
 
 @kernel
@@ -260,10 +266,7 @@ def _place_to_replace(stack: Any, lane: int, point: Any, gamma: Numbers) -> int:
     whole = np.empty((p, p))
     for j in range(p):
         for k in range(p):
-            total = 0.0
-            for row in range(POINTS * n):
-                total += stack[row * p + j, lane] * stack[row * p + k, lane]
-            whole[j, k] = total
+            whole[j, k] = _information(stack, lane, POINTS * n, p, j, k)
     best, place = smallest_eigenvalue(whole, gamma) * (1.0 + _ROUNDING), -1
     changed = np.empty((p, p))
     for number in range(POINTS):
@@ -286,7 +289,7 @@ def smallest_eigenvalue(matrix: Any, gamma: Numbers) -> float:
     """
     Return the smallest eigenvalue of Gamma^-1 A, for a semi-definite A (p, p).
 
-    By inverse iteration; where A is singular it is that of A with a small multiple of Gamma.
+    Inverse iteration computes it. A small multiple of Gamma is added to a singular A.
     """
     p = len(gamma)
     scaled, work, x = np.empty((p, p)), np.empty((p, p)), np.empty(p)
@@ -299,7 +302,7 @@ def smallest_eigenvalue(matrix: Any, gamma: Numbers) -> float:
         return 0.0
     for j in range(p):
         scaled[j, j] += _RIDGE * trace
-        # Of a vector that is orthogonal to none of those of usual robots.
+        # The start vector must not be orthogonal to the eigenvector.
         x[j] = 1.0 / (1.0 + j) if j % 2 == 0 else -1.0 / (1.0 + j)
         for k in range(p):
             work[j, k] = scaled[j, k]
@@ -322,7 +325,7 @@ def smallest_eigenvalue(matrix: Any, gamma: Numbers) -> float:
 @kernel
 def _recalled(memory: Any, lane: int, theta: Numbers, gamma: Numbers, weight: float) -> Numbers:
     """
-    Return Gamma (theta - theta+) for theta+ after an implicit step, `weight` being T kappa.
+    Return Gamma (theta - theta+) for theta+ after an implicit step with `weight` T kappa.
 
     (Gamma + T kappa A) (theta+ - theta) = T kappa (b - A theta).
     """
@@ -331,13 +334,13 @@ def _recalled(memory: Any, lane: int, theta: Numbers, gamma: Numbers, weight: fl
     n = len(theta)
     work = np.empty((n, n + 1))
     for i in range(n):
-        rest = vector[i, lane]
+        residual = vector[i, lane]
         for j in range(n):
             entry = information[i * n + j, lane]
-            rest -= entry * theta[j]
+            residual -= entry * theta[j]
             work[i, j] = weight * entry
         work[i, i] += gamma[i]
-        work[i, n] = weight * rest
+        work[i, n] = weight * residual
     solve_definite(n, work)
     for i in range(n):
         work[i, 0] = -gamma[i] * work[i, n]

@@ -2,13 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Computed torque: the model inverted in the joints' rates, which follow those of an outer loop.
+Computed torque: inverse model of joint velocities that follow an outer loop.
 
     z = rates - rates_r,    wdot = z
     tau = H (a_r - K_d z - K_p w) + V v
 
-with v_r and a_r of (14), an outer kinematic loop of bandwidth sigma, in place of desired
-velocities (reference [2] of the paper): with sigma 0 it is the source's law of velocities alone.
+where v_r and a_r of (14), an outer kinematic loop of bandwidth sigma, replace desired velocities
+(reference [2] of the paper). With sigma 0 it is the source's law for velocities.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
 def learn(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
-    """Integrate the rates' error, with back-calculation from the torque that is commanded."""
+    """Integrate the velocity error, with back-calculation from the commanded torque."""
     a = limited_motion(tick, tick.nominal, raw, torque)
     w = elementwise(
         integrated,

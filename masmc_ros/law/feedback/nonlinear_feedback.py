@@ -2,14 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Nonlinear feedback: the model inverted, so that errors of the task decay as those of springs.
+Nonlinear feedback: inverse model, with task errors that decay like those of springs.
 
     xddot_c = xddot_d - K_d edot - K_p e - K_i w,    wdot = e
     tau = H J^-1 (xddot_c - Jdot v) + V v
 
-is what the literature calls computed torque in task space (reference [1] of the paper); [4]
-decouples inputs from outputs by it, which is the same wherever the output has as many entries as
-there are inputs. K_i is ours, 0 as in the source.
+is known as computed torque in task space (reference [1] of the paper). In [4] it decouples inputs
+from outputs, which is equivalent for equal numbers of inputs and outputs. K_i is an addition; the
+source has 0.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
 def learn(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
-    """Integrate the error, with back-calculation from the torque that is commanded."""
+    """Integrate the error, with back-calculation from the commanded torque."""
     w = elementwise(
         integrated,
         get(memory, 'nonlinear_feedback_integral', lane),

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-PID in task space, without a model: a spring, a damper and an integral on each axis.
+PID control in task space, without a model: spring, damper and integral on each axis.
 
     tau = J' u,    u = -K_p e - K_d edot - K_i w,    wdot = e
 """
@@ -58,7 +58,7 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
 def learn(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
-    """Integrate the error, with back-calculation from the torque that is commanded."""
+    """Integrate the error, with back-calculation from the commanded torque."""
     w = elementwise(
         integrated,
         get(memory, 'pid_integral', lane),

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Integral of an error, with back-calculation from the torque that is commanded."""
+"""Integral of an error, with back-calculation from the commanded torque."""
 
 from __future__ import annotations
 

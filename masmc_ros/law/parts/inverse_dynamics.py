@@ -83,7 +83,7 @@ def surface_torque(tick: Tick, theta: Numbers, sigma: Numbers, nu: Numbers) -> N
 @formula
 def limited_motion(tick: Tick, theta: Numbers, raw: Numbers, torque: Numbers) -> Numbers:
     """
-    Return the change of dv/dt by limits of the torque: H^-1 (torque - raw).
+    Return the change of dv/dt by limits of the torque: H^-1 (torque - raw), mostly 0.
 
     Parameters
     ----------
@@ -97,6 +97,8 @@ def limited_motion(tick: Tick, theta: Numbers, raw: Numbers, torque: Numbers) ->
         Joint torques that are commanded in N m.
 
     """
+    if torque == raw:
+        return elementwise(zero, tick.velocity)
     force = mechanism.forces(tick.model, elementwise(minus, torque, raw))
     h = mechanism.inertia(tick.model, tick.posture, theta)
     return mechanism.inertia_solve(tick.model, h, force)
@@ -105,6 +107,8 @@ def limited_motion(tick: Tick, theta: Numbers, raw: Numbers, torque: Numbers) ->
 @formula
 def limited_acceleration(tick: Tick, theta: Numbers, raw: Numbers, torque: Numbers) -> Numbers:
     """Return the change of the task acceleration: J `limited_motion`."""
+    if torque == raw:
+        return elementwise(zero, tick.surface)
     a = limited_motion(tick, theta, raw, torque)
     return mechanism.task_velocity(tick.model, tick.posture, a)
 
@@ -112,10 +116,10 @@ def limited_acceleration(tick: Tick, theta: Numbers, raw: Numbers, torque: Numbe
 @formula
 def limited_force(tick: Tick, raw: Numbers, torque: Numbers) -> Numbers:
     """Return the change of the force on the task's axes by limits of the torque, in N."""
-    if torque != raw:
-        h = mechanism.task_inertia(tick.model, tick.posture, tick.nominal, tick.surface)
-        return matrix_times(h, limited_acceleration(tick, tick.nominal, raw, torque))
-    return elementwise(zero, tick.surface)
+    if torque == raw:
+        return elementwise(zero, tick.surface)
+    h = mechanism.task_inertia(tick.model, tick.posture, tick.nominal, tick.surface)
+    return matrix_times(h, limited_acceleration(tick, tick.nominal, raw, torque))
 
 
 @formula

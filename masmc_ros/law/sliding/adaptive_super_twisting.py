@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Super-twisting whose gains follow what the disturbance asks for.
+Super-twisting with gains that adapt to the disturbance.
 
     alpha' = rate sgn(|s_r| - zone),  least <= alpha <= largest,    beta = 2 epsilon alpha
 
-are k_1 and k_2 of `super_twisting`, whose sampled law this one takes. s_r is s unless limits
-change the torque: then it is the surface for which the law would request the limited one.
+are k_1 and k_2 of `super_twisting`, whose sampled law this law uses. s_r is s if the torque is not
+limited; otherwise it is the surface for which the law would request the limited torque.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ def _requested(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
 
 @formula
 def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
-    """Return the joints' torques in N m."""
+    """Return the joint torques in N·m."""
     nu = _requested(settings, tick, memory, lane)
     return surface_torque(
         tick, get(memory, 'estimate', lane), get(settings, 'sigma', lane), nu
@@ -110,24 +110,24 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
 @formula
 def realisable_surface(w: float, nu: float, alpha: float, beta: float, period: float) -> float:
     """
-    Return |s| in m/s for which the law would request nu in m/s2: the inverse of `surface_rate`.
+    Return |s| in m/s for which the law would request nu: the inverse of `surface_rate`.
 
     Parameters
     ----------
     w
-        Integral part of nu in m/s2.
+        Integral part of nu in m/s².
     nu
-        Acceleration as limits of the torque leave it in m/s2.
+        Acceleration of the commanded torque in m/s².
     alpha, beta
         Gains of the root and of the integral.
     period
         Control period T in s.
 
     """
-    push = abs(w - nu)
-    beyond = push - 2.0 * period * beta
+    distance = abs(w - nu)
+    beyond = distance - 2.0 * period * beta
     root = beyond / alpha if beyond > 0.0 else 0.0
-    held = 0.5 * push if beyond < 0.0 else period * beta
+    held = 0.5 * distance if beyond < 0.0 else period * beta
     return root * root + period * alpha * root + period * held
 
 
@@ -141,18 +141,18 @@ def _grown(
     largest: float,
     period: float,
 ) -> float:
-    """Return alpha beyond its least a period later."""
-    room = largest - least
-    moved = growth + (period * rate if s > zone else -period * rate)
-    moved = moved if moved < room else room
-    return moved if moved > 0.0 else 0.0
+    """Return the next alpha minus its minimum."""
+    upper = largest - least
+    grown = growth + (period * rate if s > zone else -period * rate)
+    grown = grown if grown < upper else upper
+    return grown if grown > 0.0 else 0.0
 
 
 @formula
 def learn(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
-    """Integrate and move the gains, conditioned on the torque that is commanded."""
+    """Integrate w and adapt the gains for the commanded torque."""
     alpha, beta = _gains(settings, memory, lane)
     w = get(memory, 'adaptive_super_twisting_w', lane)
     requested = _requested(settings, tick, memory, lane)

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Super-twisting at the level of accelerations, in a discretisation with |s| <= L T^2.
+Super-twisting of accelerations, in a discretisation with |s| <= L T^2.
 
     sdot = nu + delta,    nu = -k_1 sqrt|s| sgn s + w,    wdot = -k_2 sgn s
 
@@ -52,14 +52,14 @@ def _within(value: float, bound: float) -> float:
 @formula
 def surface_rate(s: float, w: float, k_1: float, k_2: float, period: float) -> float:
     """
-    Return nu of one axis in m/s2.
+    Return nu of one axis in m/s².
 
     Parameters
     ----------
     s
         Surface in m/s.
     w
-        Integral part of nu in m/s2.
+        Integral part of nu in m/s².
     k_1, k_2
         Gains of the root and of the integral.
     period
@@ -76,10 +76,10 @@ def surface_rate(s: float, w: float, k_1: float, k_2: float, period: float) -> f
 @formula
 def integrated(w: float, nu: float, k_2: float, period: float) -> float:
     """
-    Return the next w of one axis in m/s2 from nu as limits of the torque leave it.
+    Return the next w of one axis in m/s² for the nu of the commanded torque.
 
-    Half of w - nu, limited to T k_2, is T k_2 zeta of the nu that the law requests. Behind
-    limits it is that of the surface for which the law would request the limited nu, as in the
+    Half of w - nu, limited to T k_2, is T k_2 zeta of the requested nu. If the torque is limited,
+    it is that of the surface for which the law would request the limited nu, as in the
     conditioned super-twisting algorithm.
     """
     return w - _within(0.5 * (w - nu), period * k_2)
@@ -87,10 +87,22 @@ def integrated(w: float, nu: float, k_2: float, period: float) -> float:
 
 @formula
 def applied(tick: Tick, theta: Numbers, nu: Numbers, raw: Numbers, torque: Numbers) -> Numbers:
-    """Return nu as limits of the torque leave it, `raw` being requested, `torque` commanded."""
-    if torque != raw:
-        return elementwise(plus, nu, limited_acceleration(tick, theta, raw, torque))
-    return nu
+    """
+    Return nu of the commanded torque.
+
+    Parameters
+    ----------
+    tick
+        State and reference.
+    theta
+        Base parameters of the model.
+    nu
+        Acceleration that the law requests, in m/s².
+    raw, torque
+        Joint torques that the law requests and that are commanded, in N·m.
+
+    """
+    return elementwise(plus, nu, limited_acceleration(tick, theta, raw, torque))
 
 
 @formula
@@ -108,7 +120,7 @@ def _requested(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
 
 @formula
 def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
-    """Return the joints' torques in N m."""
+    """Return the joint torques in N·m."""
     nu = _requested(settings, tick, memory, lane)
     return surface_torque(
         tick, get(memory, 'estimate', lane), get(settings, 'sigma', lane), nu
@@ -119,7 +131,7 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
 def learn(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
-    """Integrate, conditioned on the torque that is commanded."""
+    """Integrate w for the commanded torque."""
     nu = _requested(settings, tick, memory, lane)
     w = elementwise(
         integrated,

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Adaptive super-twisting: against its formula, and gains that rise and fall as they should."""
+"""Adaptive super-twisting: torque formula, increase, decrease and bound of the gains."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LAW = 'adaptive_super_twisting'
 
 
 def step(s: Array, w: Array, alpha: Array, beta: Array, period: float) -> tuple[Array, Array]:
-    """Return nu and the next w, sqrt|z| as the root of a quadratic."""
+    """Return nu and the next w; sqrt|z| is the root of a quadratic."""
     zeta, root = s / (period**2 * beta), np.zeros_like(s)
     for i in np.flatnonzero(np.abs(zeta) > 1.0):
         zeta[i] = np.sign(s[i])
@@ -27,7 +27,7 @@ def step(s: Array, w: Array, alpha: Array, beta: Array, period: float) -> tuple[
 
 
 @pytest.mark.parametrize('seed', range(20))
-def test_it_is_its_formula(seed: int) -> None:
+def test_adaptive_super_twisting_torque_matches_formula(seed: int) -> None:
     rng = np.random.default_rng(seed)
     given = {
         'rate': rng.uniform(10.0, 1e4, 4),
@@ -51,8 +51,8 @@ def test_it_is_its_formula(seed: int) -> None:
         alpha = np.maximum(np.minimum(alpha, given['largest']), given['least'])
 
 
-def test_realisable_surface_inverts_the_law() -> None:
-    """Of the nu that the law requests it is |s|."""
+def test_realisable_surface_inverts_surface_rate() -> None:
+    """For the nu that the law requests, the result is |s|."""
     rng = np.random.default_rng(0)
     for s, w in zip(rng.normal(0.0, 1e-3, 50), rng.normal(0.0, 1.0, 50), strict=True):
         nu = surface_rate(s, w, 5.0, 100.0, 1e-3)
@@ -60,8 +60,8 @@ def test_realisable_surface_inverts_the_law() -> None:
 
 
 @pytest.mark.parametrize('amplitude', [10.0, 100.0])
-def test_gains_keep_their_bound_under_any_disturbance(amplitude: float) -> None:
-    """The second disturbance is more than the gains can reject."""
+def test_adaptive_super_twisting_gains_stay_bounded(amplitude: float) -> None:
+    """The second disturbance exceeds what the gains can reject."""
     largest = np.array([4.0, 5.0, 6.0, 7.0])
     pushed = run(
         LAW,
@@ -75,8 +75,8 @@ def test_gains_keep_their_bound_under_any_disturbance(amplitude: float) -> None:
     assert (growth <= largest - 2.0).all()
 
 
-def test_gains_sink_under_a_constant_disturbance() -> None:
-    """A constant disturbance leaves no constant s: alpha falls to its least."""
+def test_adaptive_super_twisting_constant_push_gains_fall() -> None:
+    """A constant disturbance causes no constant s: alpha falls to its minimum."""
     pushed = run(
         LAW,
         'plant.disturbance.amplitude=[6.0, 6.0, 12.0, 12.0]',
@@ -89,8 +89,8 @@ def test_gains_sink_under_a_constant_disturbance() -> None:
     assert (pushed.controller.memory[f'{LAW}_growth'][0, :, 0] < 1.0).all()
 
 
-def test_gains_grow_until_the_surface_is_near_and_fall_there() -> None:
-    """Without a disturbance they fall back to where they began; a disturbance holds them up."""
+def test_adaptive_super_twisting_gains_fall_near_surface() -> None:
+    """Undisturbed gains return to their start values. A disturbance keeps them up."""
     quiet = run(
         LAW,
         'controller.model_scale=1.0',
@@ -104,5 +104,5 @@ def test_gains_grow_until_the_surface_is_near_and_fall_there() -> None:
     assert pushed.controller.memory['adaptive_super_twisting_growth'][0, :, 0].max() > 1.0
 
 
-def test_it_follows_the_path() -> None:
+def test_adaptive_super_twisting_tracks_path() -> None:
     assert np.linalg.norm(run(LAW, duration=10.0).settled) < 0.02

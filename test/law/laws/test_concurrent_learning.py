@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Concurrent learning: its record and update against formulas, and what it does at rest."""
+"""Concurrent learning: formulas of record and update, and behaviour without excitation."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ EXCITED = (
     'trajectory.line_sine.amplitude=[0.1, 0.15, 0.1, 0.1]',
     'trajectory.line_sine.frequency=[3.0, 2.0, 1.0, 1.7]',
 )
-"""Every parameter is felt, and nothing disturbs."""
+"""Motion that excites every parameter, without a disturbance."""
 
 
 def weakest(points: list[Array], gamma: Array) -> float:
@@ -50,8 +50,8 @@ def record(points: list[tuple[Array, Array]], new: tuple[Array, Array], gamma: A
 
 
 @pytest.mark.parametrize('seed', range(20))
-def test_it_is_its_formula(seed: int) -> None:
-    """The recorded in implicit Euler, (Gamma + T kappa A) d = T kappa (b - A theta)."""
+def test_concurrent_learning_update_matches_formula(seed: int) -> None:
+    """Implicit Euler for the recorded data: (Gamma + T kappa A) d = T kappa (b - A theta)."""
     rng = np.random.default_rng(seed)
     gamma, kappa, fading = rng.uniform(0.5, 5.0, 7), rng.uniform(0.1, 50.0), rng.uniform(0.0, 5.0)
     controller, at = at_random(
@@ -92,7 +92,7 @@ def test_it_is_its_formula(seed: int) -> None:
 
 
 @pytest.mark.parametrize('seed', range(20))
-def test_smallest_eigenvalue_is_that_of_numpy(seed: int) -> None:
+def test_smallest_eigenvalue_equals_numpy(seed: int) -> None:
     rng = np.random.default_rng(seed)
     gamma = rng.uniform(0.5, 5.0, 7)
     rows = rng.normal(size=(9, 7)) * 10.0 ** rng.uniform(-2.0, 2.0, 7)
@@ -103,7 +103,7 @@ def test_smallest_eigenvalue_is_that_of_numpy(seed: int) -> None:
     assert abs(value - expected) < 1e-3 * expected + 2e-12 * np.trace(scaled)
 
 
-def test_stack_does_not_keep_the_bias_of_a_disturbance() -> None:
+def test_concurrent_learning_disturbance_ends_bias_vanishes() -> None:
     """Points recorded under a disturbance are replaced after it, and theta_hat converges."""
     values = load_scenario(
         PAPER,
@@ -129,8 +129,8 @@ def test_stack_does_not_keep_the_bias_of_a_disturbance() -> None:
     assert wrong[1] < 0.02
 
 
-def at_rest(law: str) -> tuple[Array, Array]:
-    """Return what is wrong with each parameter 1 s and 6 s after 3 s of excitation ended."""
+def errors_after_excitation(law: str) -> tuple[Array, Array]:
+    """Return the relative errors of theta_hat 1 s and 6 s after 3 s of excitation ended."""
     weight = 'controller.concurrent_learning.kappa=30.0'
     values = load_scenario(PAPER, (f'controller.law={law}', weight, *EXCITED, 'duration=3.0'))
     excited = next(Simulation(values).run(block=10**6)).reference
@@ -147,19 +147,19 @@ def at_rest(law: str) -> tuple[Array, Array]:
     return wrong[0], wrong[1]
 
 
-def test_it_converges_without_excitation_after_excitation_ended() -> None:
-    """What rasmc has wrong at rest, it keeps; the record takes it away."""
-    recorded, tracked = at_rest(LAW), at_rest('rasmc')
+def test_concurrent_learning_excitation_ends_still_converges() -> None:
+    """At rest rasmc keeps its parameter errors; the recorded data removes them."""
+    recorded, tracked = errors_after_excitation(LAW), errors_after_excitation('rasmc')
     assert recorded[1] < 0.005
     assert tracked[1] > 0.95 * tracked[0]
 
 
-def test_a_robot_of_many_parameters_is_refused() -> None:
+def test_concurrent_learning_too_many_parameters_raises() -> None:
     large = replace(TWO_LINK, theta=TWO_LINK.theta * 5)
     assert registry.load_for(LAW, TWO_LINK).name == LAW
     with pytest.raises(InputError, match='35 base inertial parameters, expected at most 32'):
         registry.load_for(LAW, large)
 
 
-def test_it_follows_the_path() -> None:
+def test_concurrent_learning_tracks_path() -> None:
     assert np.linalg.norm(run(LAW, duration=10.0).settled) < 0.05

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""PID: against its formula, and what its integral is there for."""
+"""PID: torque formula, integral term and its anti-windup."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ LAW = 'pid'
 
 
 @pytest.mark.parametrize('seed', range(20))
-def test_it_is_its_formula(seed: int) -> None:
+def test_pid_torque_matches_formula(seed: int) -> None:
     k_p, k_d, k_i = np.random.default_rng(seed).uniform(1.0, 500.0, (3, 4))
     controller, at = at_random(
         seed, LAW, pid__k_p=tuple(k_p), pid__k_d=tuple(k_d), pid__k_i=tuple(k_i)
@@ -25,7 +25,7 @@ def test_it_is_its_formula(seed: int) -> None:
         )
 
 
-def test_limits_cost_no_accuracy_that_the_torque_suffices_for() -> None:
+def test_pid_sufficient_limits_keep_accuracy() -> None:
     """With drives and noise, E and F are close to those without limits."""
     limited = run(
         LAW,
@@ -38,7 +38,7 @@ def test_limits_cost_no_accuracy_that_the_torque_suffices_for() -> None:
     assert np.linalg.norm(limited.settled) < 1.1 * free
 
 
-def test_the_integral_takes_what_is_constant_away() -> None:
+def test_pid_integral_reduces_constant_error() -> None:
     constant = (
         'plant.disturbance.frequency=[0.0, 0.0, 0.0, 0.0]',
         'plant.disturbance.phase=[1.5707963, 1.5707963, 1.5707963, 1.5707963]',
@@ -47,5 +47,5 @@ def test_the_integral_takes_what_is_constant_away() -> None:
     assert (run(LAW, *constant, duration=10.0).settled < 0.5 * plain).all()
 
 
-def test_it_follows_the_path() -> None:
+def test_pid_tracks_path() -> None:
     assert np.linalg.norm(run(LAW, duration=10.0).settled) < 0.05

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Super-twisting: its formula, its finite time, its order of accuracy, and no chatter."""
+"""Super-twisting: formula, finite reaching time, order of accuracy, absence of chattering."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ QUIET = (
 
 
 def step(s: Array, w: Array, k_1: Array, k_2: Array, period: float) -> tuple[Array, Array]:
-    """Return nu and the next w; the root of what is monotone in z, by bisection."""
+    """Return nu and the next w; bisection finds the root of a function monotone in z."""
     nu, w_next = np.empty_like(s), np.empty_like(s)
     for i, (x, y, one, two) in enumerate(zip(s, w, k_1, k_2, strict=True)):
         beyond = max(abs(x) - period**2 * two, 0.0)
@@ -55,7 +55,7 @@ def step(s: Array, w: Array, k_1: Array, k_2: Array, period: float) -> tuple[Arr
 
 
 @pytest.mark.parametrize('seed', range(20))
-def test_it_is_its_formula(seed: int) -> None:
+def test_super_twisting_torque_matches_formula(seed: int) -> None:
     rng = np.random.default_rng(seed)
     k_1, k_2 = rng.uniform(1.0, 100.0, 4), 10.0 ** rng.uniform(1.0, 6.0, 4)
     controller, at = at_random(
@@ -70,8 +70,8 @@ def test_it_is_its_formula(seed: int) -> None:
         )
 
 
-def test_the_surface_is_reached_in_the_predicted_steps() -> None:
-    """With the true model and no disturbance each axis is the scalar recursion."""
+def test_super_twisting_reaches_surface_in_predicted_steps() -> None:
+    """With the true model and no disturbance every axis follows the scalar recursion."""
     track = run(LAW, *QUIET, duration=1.0)
     s, w = track.surface[0], np.zeros(4)
     k_1, k_2 = np.full(4, 15.0), np.full(4, 110.0)
@@ -92,7 +92,7 @@ def test_the_surface_is_reached_in_the_predicted_steps() -> None:
 
 
 @pytest.mark.parametrize('period', [0.002, 0.001, 0.0005])
-def test_sampled_plant_has_accuracy_of_period_squared(period: float) -> None:
+def test_super_twisting_accuracy_is_period_squared(period: float) -> None:
     """After a finite time |s| <= L T^2, and no more than that, for k_2 > L."""
     slope, frequency, k_1, k_2 = 100.0, 3.0, 15.0, 110.0
     s, w, largest = 0.3, 0.0, 0.0
@@ -104,7 +104,7 @@ def test_sampled_plant_has_accuracy_of_period_squared(period: float) -> None:
     assert 0.99 * slope * period**2 < largest < 1.001 * slope * period**2
 
 
-def test_half_the_period_quarters_the_surface() -> None:
+def test_super_twisting_half_period_quarters_surface() -> None:
     """The paper's experiment with half of the masses and its disturbance."""
     surface = [
         np.abs(run(LAW, f'control_period={period}', duration=10.0).surface)
@@ -115,8 +115,8 @@ def test_half_the_period_quarters_the_surface() -> None:
     assert (coarse / fine < 4.4).all()
 
 
-def test_integral_is_conditioned_on_the_applied_torque() -> None:
-    """Unlimited, w moves as requested; behind limits, towards the nu that is applied."""
+def test_super_twisting_integral_follows_commanded_torque() -> None:
+    """Without limits w changes as requested; with limits it approaches the applied nu."""
     rng = np.random.default_rng(0)
     for s, w in zip(rng.normal(0.0, 1e-3, 50), rng.normal(0.0, 1.0, 50), strict=True):
         nu = surface_rate(s, w, 15.0, 110.0, 1e-3)
@@ -148,7 +148,7 @@ def _torque(settings: Any, tick: Tick, memory: Any, lane: int) -> tuple[float, .
     return surface_torque(tick, get(memory, 'estimate', lane), get(settings, 'sigma', lane), nu)
 
 
-def test_it_does_not_chatter_as_the_explicit_form_does(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_super_twisting_chatters_less_than_explicit_form(monkeypatch: pytest.MonkeyPatch) -> None:
     explicit = register(
         Law('explicit_twisting', _torque, PARAMETERS, MEMORY, uses_switching=False)
     )
@@ -160,5 +160,5 @@ def test_it_does_not_chatter_as_the_explicit_form_does(monkeypatch: pytest.Monke
     assert implicit < 0.2 * chattering
 
 
-def test_it_follows_the_path() -> None:
+def test_super_twisting_tracks_path() -> None:
     assert np.linalg.norm(run(LAW, duration=10.0).settled) < 1e-4
