@@ -23,7 +23,7 @@ from masmc_ros.loop.batch_simulation import BatchSimulation
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.report.measure.metrics import Metrics, Samples
 from masmc_ros.robot.declaration import Mechanism
-from masmc_ros.robot.registry import mechanism_from
+from masmc_ros.robot.mechanisms import mechanism_from
 import numpy as np
 
 LANES = 16

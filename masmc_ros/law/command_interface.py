@@ -11,7 +11,7 @@ from typing import Any
 from masmc_ros.errors import InputError
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.params.text import yaml_text
-from masmc_ros.robot.registry import NAME as MECHANISM
+from masmc_ros.robot.mechanisms import NAME as MECHANISM
 
 COMMAND_INTERFACES = ('effort', 'velocity')
 """Choices of `command_interface`; compiled code knows them by their position here."""

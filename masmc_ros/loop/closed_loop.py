@@ -16,7 +16,7 @@ settings, memory
 plant_settings, plant_memory
     Plant settings, and plant state carried from one tick to the next.
 delay_line
-    Ring buffer of delayed measurements, see `robot.plant.measurement.measure`.
+    Ring buffer of delayed measurements, see `plant_model.measurement.measure`.
 signals
     Signals of the current tick, see `loop.signals.SIGNALS`.
 """
@@ -33,14 +33,14 @@ from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.record import copied, copy_to, get, lane_count, put
 from masmc_ros.numerics.tuples import dot, elementwise
-from masmc_ros.robot import mechanism
-from masmc_ros.robot.plant.tick import (
+from masmc_ros.plant_model.tick import (
     advance,
     drive_step,
     observe,
     release,
     write_velocity,
 )
+from masmc_ros.robot import mechanism
 import numpy as np
 
 SINGULAR, NOT_FINITE = 1, 2

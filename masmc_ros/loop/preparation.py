@@ -46,7 +46,7 @@ from masmc_ros.numerics.compiled import (
 )
 from masmc_ros.params.text import yaml_text
 from masmc_ros.robot.declaration import Mechanism
-from masmc_ros.robot.registry import mechanism_from
+from masmc_ros.robot.mechanisms import mechanism_from
 
 CHOOSES_CODE = ('law', 'switching')
 """Live parameters that require other compiled code."""

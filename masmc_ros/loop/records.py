@@ -21,8 +21,8 @@ from masmc_ros.loop.signals import SIGNALS
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import fill, new_record
 from masmc_ros.params.declaration import Parameter
+from masmc_ros.plant_model import tick as plant_tick
 from masmc_ros.robot.declaration import Mechanism
-from masmc_ros.robot.plant import tick as plant_tick
 from masmc_ros.robot.robot import Robot
 import numpy as np
 from numpy.typing import NDArray

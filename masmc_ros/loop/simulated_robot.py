@@ -24,8 +24,8 @@ from masmc_ros.numerics.compiled import bound
 from masmc_ros.numerics.record import fill
 from masmc_ros.optional import explained
 from masmc_ros.params.declaration import Parameter
+from masmc_ros.plant_model.drives import joint_inertias
 from masmc_ros.robot.declaration import Mechanism
-from masmc_ros.robot.plant.drives import joint_inertias
 from masmc_ros.robot.robot import Robot, robot_of
 import numpy as np
 from numpy.typing import NDArray

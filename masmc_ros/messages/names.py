@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from masmc_ros.loop.signals import PUBLISHED
 from masmc_ros.robot.joint_names import all_joints
-from masmc_ros.robot.registry import DEFAULT
+from masmc_ros.robot.mechanisms import DEFAULT
 
 JOINTS = all_joints(DEFAULT)
 """Default joint names of a joint state."""

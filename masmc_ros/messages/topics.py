@@ -22,7 +22,7 @@ from masmc_ros.messages.names import (
     TELEMETRY,
     telemetry_topic,
 )
-from masmc_ros.robot.registry import DEFAULT
+from masmc_ros.robot.mechanisms import DEFAULT
 
 FLOAT_ARRAY = 'std_msgs/msg/Float64MultiArray'
 ODOMETRY = 'nav_msgs/msg/Odometry'

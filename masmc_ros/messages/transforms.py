@@ -14,7 +14,7 @@ from functools import cache
 
 from masmc_ros.messages.layout import ENCAPSULATION, Layout, Messages, NANOSECONDS, STAMP
 from masmc_ros.messages.message import Message
-from masmc_ros.robot.registry import DEFAULT
+from masmc_ros.robot.mechanisms import DEFAULT
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

@@ -45,7 +45,7 @@ if tuple(int(part) for part in numba_version.split('.')[:2]) < OLDEST_NUMBA:
         ' pip install --upgrade numba'
     )
 
-_FOLDERS = ('numerics', 'robot', 'law', 'reference', 'loop')
+_FOLDERS = ('numerics', 'robot', 'plant_model', 'law', 'reference', 'loop')
 """Folders of the package that contain compiled code."""
 
 

@@ -18,7 +18,7 @@ from masmc_ros.loop.safe_stop import PARAMETER as FAULT_ACTION
 from masmc_ros.loop.timing import TIMING
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.reference import trajectory
-from masmc_ros.robot import registry as mechanisms
+from masmc_ros.robot import mechanisms
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.joint_names import joint_names_parameter, PREFIX
 

@@ -30,7 +30,7 @@ from masmc_ros.params.node_parameters import (
 from masmc_ros.params.precedence import node_values
 from masmc_ros.params.values import FileValue
 from masmc_ros.robot.declaration import Mechanism
-from masmc_ros.robot.registry import mechanism_from
+from masmc_ros.robot.mechanisms import mechanism_from
 import numpy as np
 
 Values = dict[str, Any]

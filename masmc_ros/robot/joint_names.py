@@ -12,7 +12,7 @@ from typing import Any
 from masmc_ros.errors import InputError
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot.declaration import Mechanism
-from masmc_ros.robot.registry import mechanism_from
+from masmc_ros.robot.mechanisms import mechanism_from
 
 JOINT_NAMES_PARAMETER = 'robot.joint_names'
 

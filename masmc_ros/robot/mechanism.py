@@ -14,7 +14,7 @@ of this file, under the same names. The type of `model`, the named tuple of the 
 constant lengths, selects them. All are pure and use SI units, radians and, for a task, the world
 frame by REP-103. Vectors are tuples; theta and vectors as long are arrays if they have more than
 `numerics.tuples.LONGEST` entries. `template` is a vector of the kind and length of the
-result. Built-in mechanisms are next to this file; plug-ins use entry points (`registry.py`).
+result. Built-in mechanisms are next to this file; plug-ins use entry points (`mechanisms.py`).
 
 A mechanism without redundancy and without speed limits needs neither `reachable_surface` nor
 `compensated` nor `follow_drift`: those of `drift.py` are the defaults.

@@ -18,7 +18,7 @@ from masmc_ros.numerics.record import fill, get, new_record
 from masmc_ros.robot import mechanism as formulas
 from masmc_ros.robot.declaration import Mechanism, ODOM_FRAME
 from masmc_ros.robot.joint_names import driven_joint_names
-from masmc_ros.robot.registry import mechanism_from
+from masmc_ros.robot.mechanisms import mechanism_from
 import numpy as np
 from numpy.typing import NDArray
 

@@ -15,8 +15,8 @@ from masmc_ros.cli.main import main
 from masmc_ros.messages.definitions import definition
 from masmc_ros.messages.text import string_message, text_of
 from masmc_ros.robot.declaration import Mechanism
+from masmc_ros.robot.mechanisms import DEFAULT
 from masmc_ros.robot.meshes import mesh_files
-from masmc_ros.robot.registry import DEFAULT
 from masmc_ros.robot.urdf import read_urdf
 from mcap.reader import make_reader
 from mcap.writer import Writer

@@ -29,7 +29,7 @@ from masmc_ros.params.declaration import check_all
 from masmc_ros.params.node_parameters import declared
 from masmc_ros.reference.approach import Approach
 from masmc_ros.reference.trajectory import Trajectory
-from masmc_ros.robot.registry import mechanism_from
+from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.robot.robot import robot_of
 import numpy as np
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from helpers.robots import Quad
-from masmc_ros.robot.plant import motion
+from masmc_ros.plant_model import motion
 from masmc_ros.robot.two_link.dynamics import BaseParameters
 from masmc_ros.robot.two_link.geometry import Geometry
 

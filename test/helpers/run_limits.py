@@ -13,7 +13,7 @@ from masmc_ros.loop.controller_events import ACTIVATED
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.tick_block import Change
 from masmc_ros.params.scenario import load_scenario
-from masmc_ros.robot.registry import mechanism_from
+from masmc_ros.robot.mechanisms import mechanism_from
 import numpy as np
 from numpy.typing import NDArray
 

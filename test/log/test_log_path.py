@@ -13,7 +13,7 @@ from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.path import path_message
 from masmc_ros.messages.stamps import stamp_reader
 from masmc_ros.reference.trajectory import parameters, Trajectory
-from masmc_ros.robot.registry import DEFAULT as TWO_LINK
+from masmc_ros.robot.mechanisms import DEFAULT as TWO_LINK
 from masmc_ros.robot.robot import robot_of
 import numpy as np
 import pytest

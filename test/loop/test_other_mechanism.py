@@ -14,7 +14,7 @@ from helpers.processes import processes, ros_arguments
 from masmc_ros.cli.main import main
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.params.scenario import load_scenario
-from masmc_ros.robot.registry import ENTRY_POINTS
+from masmc_ros.robot.mechanisms import ENTRY_POINTS
 import numpy as np
 import pytest
 import sympy as sp

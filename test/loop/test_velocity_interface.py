@@ -14,7 +14,7 @@ from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.tick_block import TickBlock
 from masmc_ros.numerics.record import fill
 from masmc_ros.params.scenario import load_scenario
-from masmc_ros.robot.plant.drives import drive, joint_inertias
+from masmc_ros.plant_model.drives import drive, joint_inertias
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.robot.two_link.paper_robot import TWO_LINK
 import numpy as np

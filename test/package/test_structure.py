@@ -20,6 +20,7 @@ ORDER = (
     'params',
     'numerics',
     'robot',
+    'plant_model',
     'law',
     'reference',
     'loop',

@@ -18,7 +18,7 @@ from masmc_ros.loop.simulation import Simulation
 from masmc_ros.params.node_parameters import declared
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.physics.mujoco_model import contact_model
-from masmc_ros.robot.registry import mechanism_from
+from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.robot.robot import robot_of
 import numpy as np
 from numpy.typing import NDArray

@@ -23,8 +23,8 @@ from masmc_ros.numerics.record import fill
 from masmc_ros.params.node_parameters import declared
 from masmc_ros.params.scenario import activation, load_scenario
 from masmc_ros.physics.mujoco_model import contact_model
-from masmc_ros.robot.plant.drives import joint_inertias
-from masmc_ros.robot.registry import mechanism_from
+from masmc_ros.plant_model.drives import joint_inertias
+from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.robot.robot import robot_of
 import mujoco
 import numpy as np

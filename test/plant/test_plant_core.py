@@ -28,7 +28,7 @@ from masmc_ros.plant.core import (
 from masmc_ros.plant.latest_command import CommandPart, Commands
 from masmc_ros.plant.lockstep import LockStep
 from masmc_ros.plant.real_time import RealTime
-from masmc_ros.robot.registry import mechanism_from
+from masmc_ros.robot.mechanisms import mechanism_from
 import numpy as np
 import pytest
 

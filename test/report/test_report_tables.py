@@ -18,7 +18,7 @@ from masmc_ros.report.aligned import aligned
 from masmc_ros.report.measure.labels import labels
 from masmc_ros.report.measure.metrics import Metrics, metrics, Reached
 from masmc_ros.report.measure.table import csv_table, markdown_table, number, text_table
-from masmc_ros.robot.registry import DEFAULT
+from masmc_ros.robot.mechanisms import DEFAULT
 import pytest
 
 E, F = DEFAULT.points

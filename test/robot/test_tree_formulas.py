@@ -16,7 +16,7 @@ from masmc_ros.loop.records import plant_settings
 from masmc_ros.numerics.record import tag_of
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.declaration import formulas_of_tag
-from masmc_ros.robot.registry import mechanism_from
+from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.robot.tree.formulas import model_of_axes
 from masmc_ros.robot.tree.friction import CREEP

@@ -20,7 +20,7 @@ from masmc_ros.law.command_interface import takes_rates
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.report.aligned import WIDTH
 from masmc_ros.report.files import make_folder, write_file
-from masmc_ros.robot.registry import mechanism_from
+from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.share import scenario_file
 from tqdm import tqdm
 

@@ -25,7 +25,7 @@ from masmc_ros.optional import require_rclpy
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.report.files import make_folder
 from masmc_ros.report.measure.table import distance_text
-from masmc_ros.robot.registry import DEFAULT, mechanism_from
+from masmc_ros.robot.mechanisms import DEFAULT, mechanism_from
 from masmc_ros.share import scenario_file, scenarios
 from tqdm import tqdm
 

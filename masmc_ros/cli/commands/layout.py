@@ -19,7 +19,7 @@ from masmc_ros.messages.telemetry import STAMP_NUMBERS
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.report.files import write_file
 from masmc_ros.robot.declaration import Mechanism, Quantity
-from masmc_ros.robot.registry import DEFAULT, mechanism_from
+from masmc_ros.robot.mechanisms import DEFAULT, mechanism_from
 from masmc_ros.share import scenario_file, shared_file
 
 _COLOURS = (

@@ -14,7 +14,7 @@ from typing import Any
 from masmc_ros.cli.arguments import add_file, add_json, add_settings
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.report.aligned import aligned, WIDTH
-from masmc_ros.robot.registry import mechanism_from
+from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.share import scenario_file
 import numpy as np

@@ -23,7 +23,7 @@ from masmc_ros.cli.show.meshes import described, write_with_addresses
 from masmc_ros.errors import InputError
 from masmc_ros.log.mcap.codec import check_magic, cut_off, MAGIC
 from masmc_ros.log.recover.recover import is_complete
-from masmc_ros.robot.registry import DEFAULT
+from masmc_ros.robot.mechanisms import DEFAULT
 from masmc_ros.share import shared_file
 from masmc_ros.user_folder import runtime_folder
 

@@ -35,8 +35,8 @@ from masmc_ros.robot.joint_names import (
     JOINT_NAMES_PARAMETER,
     joint_names_parameter,
 )
-from masmc_ros.robot.registry import DEFAULT, load, mechanism_from
-from masmc_ros.robot.registry import NAME as MECHANISM
+from masmc_ros.robot.mechanisms import DEFAULT, load, mechanism_from
+from masmc_ros.robot.mechanisms import NAME as MECHANISM
 import numpy as np
 
 _REAL_TIME = 'realtime'

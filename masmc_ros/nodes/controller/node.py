@@ -55,7 +55,7 @@ from masmc_ros.params.text import yaml_text
 from masmc_ros.reference.approach import Approach
 from masmc_ros.reference.windows import ReferenceWindows
 from masmc_ros.robot.joint_names import driven_joint_names
-from masmc_ros.robot.registry import mechanism_from
+from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.robot.robot import robot_of
 import numpy as np
 from numpy.typing import NDArray

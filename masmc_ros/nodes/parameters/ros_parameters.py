@@ -17,7 +17,7 @@ from masmc_ros.params.declaration import check_all, Parameter
 from masmc_ros.params.node_parameters import accepted, drop_foreign, foreign_text
 from masmc_ros.params.text import yaml_text
 from masmc_ros.robot.declaration import Mechanism
-from masmc_ros.robot.registry import mechanism_from
+from masmc_ros.robot.mechanisms import mechanism_from
 from rcl_interfaces.msg import (
     FloatingPointRange,
     IntegerRange,

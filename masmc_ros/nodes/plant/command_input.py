@@ -19,7 +19,7 @@ from masmc_ros.nodes.process.rejected_messages import RejectedMessages
 from masmc_ros.numerics.aliases import Array
 from masmc_ros.plant.latest_command import CommandPart
 from masmc_ros.robot.joint_names import driven_joint_names
-from masmc_ros.robot.registry import mechanism_from
+from masmc_ros.robot.mechanisms import mechanism_from
 from rclpy.node import Node
 
 OnCommand = Callable[[CommandPart, Array | None, int | None, float], None]

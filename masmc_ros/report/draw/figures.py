@@ -17,7 +17,7 @@ from masmc_ros.report.measure.labels import law_of
 from masmc_ros.report.measure.metrics import Metrics
 from masmc_ros.report.measure.tracking import Compared
 from masmc_ros.robot.declaration import Mechanism
-from masmc_ros.robot.registry import DEFAULT
+from masmc_ros.robot.mechanisms import DEFAULT
 from matplotlib.figure import Figure
 
 PAPER_FIGURES = {'smc': 3, 'rasmc': 6}

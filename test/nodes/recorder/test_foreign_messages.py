@@ -29,7 +29,7 @@ from masmc_ros.messages.text import string_message
 from masmc_ros.messages.transforms import TransformsCdr
 from masmc_ros.nodes.middleware.raw_types import raw_class
 from masmc_ros.nodes.plant.command_sources import rate_sources, torque_sources
-from masmc_ros.robot.registry import DEFAULT
+from masmc_ros.robot.mechanisms import DEFAULT
 from mcap.reader import make_reader
 import numpy as np
 import pytest

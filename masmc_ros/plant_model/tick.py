@@ -14,8 +14,7 @@ from masmc_ros.numerics.record import get, lane_count, put
 from masmc_ros.numerics.scalars import minus, zero
 from masmc_ros.numerics.scratch import scratch
 from masmc_ros.numerics.tuples import column, elementwise
-from masmc_ros.robot import mechanism
-from masmc_ros.robot.plant.disturbance import (
+from masmc_ros.plant_model.disturbance import (
     moment,
     push_by_waves,
     shares_waves,
@@ -23,9 +22,10 @@ from masmc_ros.robot.plant.disturbance import (
     write_push,
     write_waves,
 )
-from masmc_ros.robot.plant.drives import drive
-from masmc_ros.robot.plant.measurement import measure
-from masmc_ros.robot.plant.motion import runge_kutta_stage
+from masmc_ros.plant_model.drives import drive
+from masmc_ros.plant_model.measurement import measure
+from masmc_ros.plant_model.motion import runge_kutta_stage
+from masmc_ros.robot import mechanism
 
 SETTINGS = (
     Field('geometry', 'lengths', 'Lengths of the robot', 'm'),
