@@ -542,14 +542,14 @@ class ControllerCore:
             if status & NOT_FINITE:
                 raise diverged(stamp * 1e-9)
         except Exception as error:
-            # A plug-in law can raise anything; the pacing decides between fault and end of run.
-            # The safe stop continues from the last torque that was sent.
+            # A plug-in law can raise anything. A run without an end belongs to a user who tunes
+            # gains: no request may end it. The safe stop continues from the last torque sent.
             controller.commanded[:] = commanded
-            reason = pacing.fault(error)
-            if isinstance(error, UserError) and reason is None:
+            is_endless = self._last_tick == math.inf
+            if not is_endless and pacing.ends_with(error) and isinstance(error, UserError):
                 self._error = error
                 return error
-            self._fail(LAW, reason or '', is_latched=True)
+            self._fail(LAW, ' '.join(str(error).split()), is_latched=True)
             return None
         if pacing.is_timed and self._values['runaway_detection']:
             reason = self._watch.look(controller.rates(velocity))

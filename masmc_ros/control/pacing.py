@@ -51,8 +51,8 @@ class Pacing(Protocol):
     def approaches(self, *, was_off: bool) -> bool:
         """Return True if a start approaches the reference; `was_off`: no law was active."""
 
-    def fault(self, error: Exception) -> str | None:
-        """Return the fault's reason for an error of the law; None if it ends the run."""
+    def ends_with(self, error: Exception) -> bool:
+        """Return True if an error of the law ends a run of limited duration."""
 
 
 class LockStep:
@@ -85,11 +85,11 @@ class LockStep:
         """Return True after a stop; a run otherwise starts on its reference as configured."""
         return was_off
 
-    def fault(self, error: Exception) -> str | None:
-        """Return None for a UserError; raise any other error."""
+    def ends_with(self, error: Exception) -> bool:
+        """Return True for a UserError; raise any other error."""
         if not isinstance(error, UserError):
             raise error
-        return None
+        return True
 
 
 class RealTime:
@@ -122,9 +122,9 @@ class RealTime:
         """Return True."""
         return True
 
-    def fault(self, error: Exception) -> str | None:
-        """Return the error's text: an error of a law must not end the node."""
-        return ' '.join(str(error).split())
+    def ends_with(self, error: Exception) -> bool:
+        """Return False: the robot moves on, and the error is a fault."""
+        return False
 
 
 PACINGS: dict[str, Pacing] = {pacing.name: pacing for pacing in (LockStep(), RealTime())}

@@ -80,7 +80,8 @@ class PlantCore(ABC):
     has_started
         True after the first state.
     is_over
-        True after the last tick, and after a failure.
+        True after the last tick, and after a state that is not finite. A run without an end then
+        waits for a reset.
 
     """
 
@@ -171,6 +172,7 @@ class PlantCore(ABC):
         self.robot.reset()
         self.commands.clear()
         self.recorder.restart()
+        self.is_over = self.is_over and not self._is_endless
         return self._publish() if self.has_started else NOTHING
 
     def on_pause(self, now: float, *, is_paused: bool) -> Actions:
@@ -183,6 +185,8 @@ class PlantCore(ABC):
         """Return why a single step is impossible; empty if it is possible."""
         if not self.has_started:
             return 'the run has not started; call again after its start'
+        if self.is_over:
+            return 'the robot has no finite state; call reset first'
         return '' if self.is_paused else 'not paused; call pause with data true first'
 
     @abstractmethod
@@ -196,6 +200,10 @@ class PlantCore(ABC):
 
     # Ticks.
 
+    @property
+    def _is_endless(self) -> bool:
+        return self._timing.last is None
+
     def _advance(self, command: Array | None, now: float) -> Actions:
         """Apply a command (joints) for a period, None for no command."""
         if self.robot.tick == self._timing.last:
@@ -205,7 +213,10 @@ class PlantCore(ABC):
             self.robot.advance(command)
         except InputError as error:
             self.is_over = True
-            return (Failure(self._explained(error, now)),)
+            error = self._explained(error, now)
+            if self._is_endless:
+                return (Line('warning', f'{error}; the robot stands until ~/reset is called'),)
+            return (Failure(error),)
         return self._publish()
 
     def _publish(self) -> Actions:

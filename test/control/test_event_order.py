@@ -200,8 +200,9 @@ def test_core_law_fails_after_tick_torque_rate_limited() -> None:
     assert change.any()
 
 
-def test_core_torque_not_finite_safe_stop_commands() -> None:
-    loop = loop_of()
+@pytest.mark.parametrize('pacing', ['realtime', 'lockstep'])
+def test_core_endless_run_torque_not_finite_safe_stop_commands(pacing: str) -> None:
+    loop = loop_of(pacing=pacing)
     loop.run(0.5)
     compute = loop.core.controller.answer
 

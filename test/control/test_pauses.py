@@ -19,6 +19,9 @@ import pytest
 WHEEL_SPEED, ARM_SPEED = 30.0, 12.0
 """Bounds in rad/s: 1.5 m/s for a wheel of 0.0508 m, and ten times the paper's motion."""
 
+SHORTEST, LONGEST, MARGIN = 0.152, 0.876, 0.02
+"""Distances in m between E and F of the folded and of the stretched arm, and a margin."""
+
 pauses = st.floats(-1.0, math.log10(600.0)).map(lambda exponent: 10.0**exponent)
 
 
@@ -36,13 +39,16 @@ def check(loop: CoreLoop, seconds: float) -> None:
     assert (np.abs(torque) <= [8.0, 8.0, 20.0, 10.0]).all()
 
 
-def pause_and_continue(loop: CoreLoop, off_at: float, pause: float, after: float) -> None:
+def pause_and_continue(
+    loop: CoreLoop, off_at: float, pause: float, after: float, *, may_fail: bool = False
+) -> None:
     check(loop, off_at)
     loop.perform(loop.core.on_enable(loop.now, enabled=False))
     check(loop, pause)
     loop.perform(loop.core.on_enable(loop.now, enabled=True))
     check(loop, after)
-    assert loop.state == 'active', loop.reports
+    is_safe = may_fail and loop.state.startswith('fault: run-away')
+    assert loop.state == 'active' or is_safe, loop.reports
 
 
 @pytest.mark.parametrize('pause', [0.1, 2.0, 20.0, 40.0])
@@ -85,10 +91,15 @@ def scenario_of(data: st.DataObject) -> dict[str, dict[str, Any]]:
 def check_any_pause(data: st.DataObject, pause: float) -> None:
     loop = CoreLoop(node_values(**scenario_of(data)))
     try:
-        loop.trajectory.sample(0, round((pause + 60.0) / loop.period))
+        samples = loop.trajectory.sample(0, round((pause + 60.0) / loop.period))
     except InputError:
         assume(False)
-    pause_and_continue(loop, data.draw(st.floats(0.1, 30.0)), pause, 30.0)
+    reach = np.linalg.norm(samples[:, 0:2] - samples[:, 2:4], axis=1)
+    # No law in task space holds a stretched or a folded arm: its safe stop must be bounded.
+    is_singular = reach.min() < SHORTEST + MARGIN or reach.max() > LONGEST - MARGIN
+    pause_and_continue(
+        loop, data.draw(st.floats(0.1, 30.0)), pause, 30.0, may_fail=bool(is_singular)
+    )
 
 
 @settings(max_examples=4, suppress_health_check=list(HealthCheck))

@@ -13,7 +13,7 @@ import time
 
 from helpers.child_environment import child_environment
 from helpers.log_contents import read_log
-from helpers.processes import PATIENCE, peer, processes, ros_arguments
+from helpers.processes import NodeProcess, PATIENCE, peer, processes, ros_arguments
 from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.nodes.process.ending import ENDING
@@ -24,6 +24,7 @@ from rclpy.context import Context
 from rclpy.experimental.events_executor import EventsExecutor
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import SetBool, Trigger
 
 ALL = '[controller, trajectory, recorder]'
 
@@ -106,18 +107,55 @@ def test_plant_robot_diverges_exits_with_one_line(pacing: str, tmp_path: Path) -
         states = tester.collect(JointState, 'joint_states', raw=True)
         commands = tester.publisher(Float64MultiArray, 'effort_commands')
         plant = started.start(
-            'plant', *ros_arguments(pacing=pacing, wait_for='[peer]', duration=0.0)
+            'plant', *ros_arguments(pacing=pacing, wait_for='[peer]', duration=100.0)
         )
         tester.wait_for_subscribers(commands)
         tester.until(lambda: states, 'the first state')
-        huge = EffortCdr()
-        huge.data[:] = 1e308
-        huge.set_stamp(0)
-        commands.publish(huge.to_bytes())
+        commands.publish(huge_command())
         assert plant.wait() == 2, started.output()
         (line,) = plant.complaints()
     assert line.startswith('plant: the closed loop diverged at t = 0.001 s; expected gains and a')
     assert ('ticks were late' in line) == (pacing == 'realtime')
+
+
+@pytest.mark.parametrize('pacing', ['realtime', 'lockstep'])
+def test_endless_plant_robot_diverges_waits_for_reset(pacing: str, tmp_path: Path) -> None:
+    with processes(tmp_path, fresh=True) as started, peer(started.domain) as tester:
+        states = tester.collect(JointState, 'joint_states', raw=True)
+        commands = tester.publisher(Float64MultiArray, 'effort_commands')
+        plant = started.start(
+            'plant', *ros_arguments(pacing=pacing, wait_for='[peer]', duration=0.0)
+        )
+        tester.wait_for_subscribers(commands)
+        tester.until(lambda: states, 'the first state')
+        for number in range(10):
+            commands.publish(huge_command())
+            tester.until(lambda n=number: len(divergences(plant)) > n, 'the warning')
+            tester.call(SetBool, 'plant/pause', SetBool.Request(data=True))
+            refusal = tester.call(Trigger, 'plant/step', Trigger.Request())
+            assert not refusal.success
+            assert 'call reset first' in refusal.message
+            tester.call(SetBool, 'plant/pause', SetBool.Request(data=False))
+            states.clear()
+            assert tester.call(Trigger, 'plant/reset', Trigger.Request()).success
+            tester.until(lambda: states, 'the initial state')
+            assert header_stamp(states[0]) == 0
+        assert plant.process.poll() is None
+        lines = divergences(plant)
+    assert len(lines) == 10
+    assert 'the closed loop diverged at t = 0.001 s; expected gains' in lines[0]
+    assert lines[0].endswith('; the robot stands until ~/reset is called')
+
+
+def divergences(plant: NodeProcess) -> list[str]:
+    return [line for line in plant.stderr() if 'diverged' in line]
+
+
+def huge_command() -> bytes:
+    huge = EffortCdr()
+    huge.data[:] = 1e308
+    huge.set_stamp(0)
+    return huge.to_bytes()
 
 
 def test_composed_loop_diverges_exits_with_one_line(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from itertools import chain
 import time
 
-from masmc_ros.nodes.process.diagnostics import Health, OK, senders, WARN
+from masmc_ros.nodes.process.diagnostics import ERROR, Health, OK, senders, WARN
 from masmc_ros.nodes.process.rejected_messages import RejectedMessages
 from masmc_ros.plant.lateness import Lateness
 from rclpy.node import Node
@@ -35,6 +35,7 @@ class PlantHealth:
         rejected_messages: RejectedMessages,
         *,
         state: str,
+        is_over: bool,
         ticks: int,
         dropped: int,
         command_age: float,
@@ -53,6 +54,8 @@ class PlantHealth:
             Counts of rejected messages.
         state
             State of the plant, in a few words.
+        is_over
+            True if the robot has no finite state.
         ticks
             Tick of the robot.
         dropped
@@ -82,6 +85,8 @@ class PlantHealth:
             values['fastest slip of a wheel (m/s)'] = f'{slip:.4f}'
         problems = rejected_messages.total + dropped
         is_worse, self._problems = problems > self._problems, problems
+        if is_over:
+            return Health(ERROR, state, values)
         all_senders = [senders(node, topic) for topic in topics]
         if any(len(names) > 1 for names in all_senders):
             values['senders of commands'] = ', '.join(

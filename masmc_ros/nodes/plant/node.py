@@ -203,6 +203,7 @@ class PlantNode(SuiteNode):
             [self.node.resolve_topic_name(source.topic) for source in self._input.sources],
             self._rejected_messages,
             state=self._state_text(),
+            is_over=core.is_over,
             ticks=core.robot.tick,
             dropped=core.dropped,
             command_age=core.commands.age(time.monotonic()),
@@ -212,6 +213,8 @@ class PlantNode(SuiteNode):
     def _state_text(self) -> str:
         if not self._core.has_started:
             return f'waits for {self._waiting or "its start"}'
+        if self._core.is_over:
+            return 'without a finite state, until a reset'
         return 'paused' if self._core.is_paused else self._core.text
 
     # Services.
