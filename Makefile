@@ -10,6 +10,7 @@ SOURCES := setup.py setup.cfg pyproject.toml constraints.txt tools/install_ros.s
 
 help:
 	@echo 'make demo   set up and run the experiment of the paper on real ROS 2 nodes'
+	@echo 'make setup  set up, and compile the laws of the paper'
 	@echo 'make test   set up and run the tests, without those that take long by their nature'
 	@echo 'make test-all   all of them'
 	@echo 'make test-oldest   the numerical tests and a live node with the oldest Numba and NumPy'
@@ -38,6 +39,7 @@ $(VENV)/.installed-all: $(VENV)/.installed-dev
 	@touch $@
 
 setup: $(VENV)/.installed
+	@$(BIN)/masmc warm
 
 demo: $(VENV)/.installed
 	@$(BIN)/masmc demo

@@ -23,6 +23,7 @@ COMMANDS = {
     'demo': "run the paper's experiment on real nodes and report it",
     'run': 'run a node if the ros2 command is not installed',
     'simulate': 'compute a run without ROS',
+    'warm': 'compile the code of a robot and its laws in advance',
     'laws': 'list the control laws',
     'compare': 'compare control laws on one scenario',
     'robot': 'print the robot of a parameter file',

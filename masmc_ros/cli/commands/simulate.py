@@ -15,6 +15,7 @@ import sys
 from typing import Any, NamedTuple
 
 from masmc_ros.cli.arguments import add_file, add_overwrite, add_settings
+from masmc_ros.cli.compile_notice import compile_notice
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import is_log, read_run, Run
 from masmc_ros.log.recover.overlap import check_apart
@@ -95,7 +96,9 @@ def run(options: argparse.Namespace) -> int:
     active: list[Any] = []
     singular, slip = 0, 0.0
     progress = tqdm(total=ticks, unit='tick', disable=None if ticks > _PROGRESS_FROM else True)
-    with log as writer, progress:
+    label = law_label(source.values['controller'])
+    notice = compile_notice(f'{label} for {mechanism.name}')
+    with log as writer, progress, notice:
         for block in simulation.run():
             if writer is not None:
                 writer.write(block)
@@ -118,7 +121,6 @@ def run(options: argparse.Namespace) -> int:
         active=np.concatenate(active),
         estimate=block.estimate[-1:],
     )
-    label = law_label(source.values['controller'])
     if any(change.values for change in source.changes):
         label = f'{label}, changed'
     print(text_table({label: samples.metrics()}, WIDTH))
