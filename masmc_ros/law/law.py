@@ -7,9 +7,9 @@ Interface of a control law.
 A control law is a `Law` object, defined in a module of its own, with the gains and state
 variables it declares and one to three compiled functions (`@formula`):
 
-    torque(settings, tick, memory, lane) -> joint torques
-    learn(settings, tick, memory, lane, raw, torque)
-    post_update(settings, memory, lane)
+    torque(settings, tick, memory) -> joint torques
+    learn(settings, tick, memory, raw, torque)
+    post_update(settings, memory)
 
 In every control period the controller calls
 
@@ -22,18 +22,16 @@ In every control period the controller calls
 Arguments of these functions:
 
 settings
-    Read-only record with the values of the parameters: `get(settings, 'k_s1', lane)`.
+    Values of the parameters, read-only: `settings.k_s1`.
 tick
     `law.tick.Tick`: measured state, reference, sliding surface and regressor.
 memory
-    Record with the state of the law: `get(memory, 'estimate', lane)` reads a field,
-    `put(memory, 'estimate', lane, value)` writes it.
-lane
-    Index of the run. Simulations compute several runs in one call, nodes only one (lane 0).
+    State of the law: `memory.estimate` reads a field, `memory.estimate = value` writes it.
 
 Fields have the names of their declarations, with dots replaced by underscores. A field is a
-number, or a tuple with one number per task axis, joint or inertial parameter. A law must not
-assume how many of them a robot has.
+number, or a vector with one number per task axis, joint or inertial parameter. A law must not
+assume how many of them a robot has. Reading a vector returns a copy; loops over rules and networks
+use the array `in_place(memory, 'name')` of `numerics.lanes`.
 
 The functions of a law are selected at compile time, from the type of the records. A law that is
 not in use costs nothing at run time.
@@ -47,7 +45,9 @@ from types import SimpleNamespace
 from typing import Any
 
 from masmc_ros.law.declared import Declared
+from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.aliases import Joints
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.dispatch import by_tag, interface
 from masmc_ros.numerics.field import Field
@@ -56,13 +56,13 @@ from masmc_ros.robot.declaration import Mechanism
 
 @formula
 def _no_learning(
-    settings: Any, tick: Any, memory: Any, lane: int, raw: Any, torque: Any
+    settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: Joints
 ) -> None:
     """Do nothing; default of `Law.learn`."""
 
 
 @formula
-def _no_post_update(settings: Any, memory: Any, lane: int) -> None:
+def _no_post_update(settings: Settings, memory: Memory) -> None:
     """Do nothing; default of `Law.post_update`."""
 
 
@@ -131,15 +131,15 @@ _dispatch = interface(by_tag('law', lambda name: _registered[name.split(' ')[0]]
 
 
 @_dispatch
-def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Any:
+def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
     """Return the joint torques requested by the law, a tuple in N·m."""
 
 
 @_dispatch
-def learn(settings: Any, tick: Tick, memory: Any, lane: int, raw: Any, torque: Any) -> None:
+def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: Joints) -> None:
     """Update the state of the law: it requested `raw`, and `torque` is commanded (N·m)."""
 
 
 @_dispatch
-def post_update(settings: Any, memory: Any, lane: int) -> None:
+def post_update(settings: Settings, memory: Memory) -> None:
     """Complete the tick with loops of unknown length, such as projections."""

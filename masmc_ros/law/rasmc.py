@@ -10,22 +10,21 @@ After the tick, theta_hat changes by an explicit Euler step of d theta_hat / dt 
 
 from __future__ import annotations
 
-from typing import Any
-
+from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.law import Law, register
 from masmc_ros.law.parts.adaptation import adapt, GAMMA, project
 from masmc_ros.law.reaching.reaching import correct
 from masmc_ros.law.smc import SMC, torque
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.aliases import Joints
 from masmc_ros.numerics.compiled import formula
 
 
 @formula
-def learn(settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, held: Numbers) -> None:
+def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, held: Joints) -> None:
     """Correct the prediction of the reaching term, and adapt."""
-    correct(settings, tick, memory, lane, raw, held)
-    adapt(settings, tick, memory, lane, raw, held)
+    correct(settings, tick, memory, raw, held)
+    adapt(settings, tick, memory, raw, held)
 
 
 RASMC = register(

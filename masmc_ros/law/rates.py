@@ -10,16 +10,14 @@ v_r + T a_r / 2 is v_r in the middle of the period for which it is held.
 
 from __future__ import annotations
 
-from typing import Any
-
+from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.law import Law, register
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.aliases import Joints
 from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import zero
 from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot import mechanism
@@ -32,12 +30,12 @@ def _ahead(velocity: float, acceleration: float, time: float) -> float:
 
 
 @formula
-def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
     """Return zero torque; write the command of the drives into the memory."""
     half = 0.5 * tick.period
     v = elementwise(_ahead, tick.reference_velocity, tick.reference_acceleration, half)
-    put(memory, 'velocity_command', lane, mechanism.rate_command(tick.model, v))
-    return elementwise(zero, get(memory, 'commanded', lane))
+    memory.velocity_command = mechanism.rate_command(tick.model, v)
+    return elementwise(zero, memory.commanded)
 
 
 RATES = register(

@@ -5,24 +5,22 @@
 
 from __future__ import annotations
 
-from typing import Any
-
+from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.law import Law, register
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.model import ESTIMATE, model_torque
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.reaching.reaching import correct, GAINS, reach
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.aliases import Joints
 from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.record import get
 
 
 @formula
-def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
     """Return the joints' torques in N m."""
-    u = reach(settings, tick, memory, lane)
-    return model_torque(tick, get(memory, 'estimate', lane), u)
+    u = reach(settings, tick, memory)
+    return model_torque(tick, memory.estimate, u)
 
 
 SMC = register(

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from masmc_ros.law.fields import Settings
 from masmc_ros.law.parts.surface import reference_acceleration, reference_velocity, sliding_surface
 from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import inlined
-from masmc_ros.numerics.record import get
 from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot import mechanism
 
@@ -39,8 +39,7 @@ class Tick(NamedTuple):
 
 @inlined
 def tick_of(
-    settings: Any,
-    lane: int,
+    settings: Settings,
     posture: Any,
     v: Numbers,
     position: Numbers,
@@ -54,8 +53,8 @@ def tick_of(
     (14) gives xdot_r and xddot_r. The mechanism determines v_r and a_r with J v_r = xdot_r, and
     estimates the `drift`.
     """
-    model = mechanism.model_of(settings, lane)
-    sigma = get(settings, 'sigma', lane)
+    model = mechanism.model_of(settings)
+    sigma = settings.sigma
     follows = mechanism.tracking(model, posture, position, v, desired)
     v_r, a_r, is_singular = mechanism.reference_motion(
         model,
@@ -68,10 +67,10 @@ def tick_of(
     a_r = mechanism.compensated(model, a_r, drift)
     surface = elementwise(sliding_surface, follows.error, follows.velocity_error, sigma)
     return Tick(
-        get(settings, 'period', lane),
+        settings.period,
         model,
         posture,
-        get(settings, 'nominal', lane),
+        settings.nominal,
         v,
         v_r,
         a_r,

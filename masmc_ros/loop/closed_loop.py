@@ -31,7 +31,8 @@ from masmc_ros.law.parts.velocity_estimator import estimate_rates
 from masmc_ros.loop.control import control
 from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import formula, kernel
-from masmc_ros.numerics.record import copied, copy_to, get, lane_count, put
+from masmc_ros.numerics.lanes import lane_of
+from masmc_ros.numerics.record import copied, copy_to, lane_count
 from masmc_ros.numerics.tuples import dot, elementwise
 from masmc_ros.plant_model.tick import (
     advance,
@@ -75,13 +76,13 @@ def control_tick(
         Bitwise OR of `SINGULAR` and `NOT_FINITE`; 0 if neither applies.
 
     """
-    row = signals[0]
-    put(row, 'position', 0, to_vector(position, get(row, 'position', 0)))
-    put(row, 'velocity', 0, to_vector(velocity, get(row, 'velocity', 0)))
-    put(row, 'reference', 0, to_vector(reference, get(row, 'reference', 0)))
-    control(settings[0], memory[0], row)
-    status = SINGULAR if get(row, 'singular', 0) != 0 else 0
-    residual = _finite_residual(get(row, 'torque', 0)) + _finite_residual(get(row, 'rates', 0))
+    row = lane_of(signals[0], 0)
+    row.position = to_vector(position, row.position)
+    row.velocity = to_vector(velocity, row.velocity)
+    row.reference = to_vector(reference, row.reference)
+    control(settings[0], memory[0], signals[0])
+    status = SINGULAR if row.singular != 0 else 0
+    residual = _finite_residual(row.torque) + _finite_residual(row.rates)
     return status if residual == 0.0 else status | NOT_FINITE
 
 
@@ -92,37 +93,35 @@ def control_ticks(settings: Any, memory: Any, signals: Any, positions: Any) -> N
 
     Velocity and reference keep the values in `signals`.
     """
+    row = lane_of(signals[0], 0)
     for k in range(len(positions)):
-        put(signals[0], 'position', 0, to_vector(positions[k], get(signals[0], 'position', 0)))
+        row.position = to_vector(positions[k], row.position)
         control(settings[0], memory[0], signals[0])
 
 
 @kernel
 def estimate_velocity(settings: Any, memory: Any, signals: Any) -> None:
     """Replace the velocities in `signals` by those of the velocity estimator."""
-    gains, position = settings[0], get(signals[0], 'position', 0)
-    torque_is_known = get(gains, 'takes_rates', 0) == 0
-    estimate_rates(gains, memory[0], position, 0, torque_is_known)
-    model = mechanism.model_of(gains, 0)
-    rates = get(memory[0], 'rates', 0)
-    posture = mechanism.posture(model, position)
-    put(signals[0], 'velocity', 0, mechanism.position_rates(model, posture, rates))
+    gains, state, row = lane_of(settings[0], 0), lane_of(memory[0], 0), lane_of(signals[0], 0)
+    estimate_rates(gains, state, row.position, gains.takes_rates == 0)
+    model = mechanism.model_of(gains)
+    posture = mechanism.posture(model, row.position)
+    row.velocity = mechanism.position_rates(model, posture, state.rates)
 
 
 @kernel
 def limit_torque(settings: Any, memory: Any, signals: Any) -> None:
     """Limit `raw_torque` of a plain-Python law in magnitude and rate; write `torque`."""
-    raw, gains = get(signals[0], 'raw_torque', 0), settings[0]
-    torque = within_limits(gains, raw, get(memory[0], 'commanded', 0), 0)
-    put(memory[0], 'commanded', 0, torque)
-    put(signals[0], 'torque', 0, torque)
+    gains, state, row = lane_of(settings[0], 0), lane_of(memory[0], 0), lane_of(signals[0], 0)
+    state.commanded = within_limits(gains, row.raw_torque, state.commanded)
+    row.torque = state.commanded
 
 
 @kernel
 def post_update(settings: Any, memory: Any) -> None:
     """Project the adapted parameters after a change of parameters, in all lanes."""
     for lane in range(lane_count(settings[0])):
-        law.post_update(settings[0], memory[0], lane)
+        law.post_update(lane_of(settings[0], lane), lane_of(memory[0], lane))
 
 
 # Plant kernels.
@@ -229,12 +228,8 @@ def is_finite(signals: Any) -> bool:
     """
     residual = 0.0
     for lane in range(lane_count(signals)):
-        for values in (
-            get(signals, 'position', lane),
-            get(signals, 'velocity', lane),
-            get(signals, 'true_position', lane),
-            get(signals, 'true_velocity', lane),
-        ):
+        row = lane_of(signals, lane)
+        for values in (row.position, row.velocity, row.true_position, row.true_velocity):
             residual += _finite_residual(values)
     return residual == 0.0
 
@@ -302,9 +297,10 @@ def closed_loop(
         copy_to(row, history[k])
         # Summing over several lanes would serialise them.
         if lane_count(row) == 1:
-            residual += _finite_residual(get(row, 'torque', 0))
-            residual += _finite_residual(get(row, 'rates', 0))
-            residual += _finite_residual(get(row, 'true_position', 0))
+            single = lane_of(row, 0)
+            residual += _finite_residual(single.torque)
+            residual += _finite_residual(single.rates)
+            residual += _finite_residual(single.true_position)
         if final and k == n - 1:
             break
         advance(plant_constants, plant_state, first + k, row, False)
@@ -318,6 +314,6 @@ def closed_loop(
 @formula
 def write_reference(signals: Any, reference: Any) -> None:
     """Write the reference of one tick (3 * axes) into all lanes of `signals`."""
-    desired = to_vector(reference, get(signals, 'reference', 0))
+    desired = to_vector(reference, lane_of(signals, 0).reference)
     for lane in range(lane_count(signals)):
-        put(signals, 'reference', lane, desired)
+        lane_of(signals, lane).reference = desired

@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 from masmc_ros.law import law
+from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.parts import velocity_estimator
 from masmc_ros.law.parts.command_limits import within_limits
 from masmc_ros.law.parts.model import ESTIMATE
@@ -15,7 +16,8 @@ from masmc_ros.law.parts.velocity_estimator import estimate_rates, ESTIMATED, no
 from masmc_ros.law.tick import tick_of
 from masmc_ros.numerics.compiled import formula, inlined
 from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.record import get, lane_count, put
+from masmc_ros.numerics.lanes import lane_of
+from masmc_ros.numerics.record import lane_count
 from masmc_ros.numerics.scalars import minus
 from masmc_ros.numerics.tuples import elementwise, tail, thirds
 from masmc_ros.robot import drift, mechanism
@@ -44,65 +46,66 @@ def control(settings: Any, memory: Any, signals: Any) -> None:
     """Compute one tick of the law from the state and the reference in `signals`."""
     lanes, estimated = lane_count(settings), 0
     for lane in range(lanes):
-        estimated += get(settings, 'velocity_source', lane) == ESTIMATED
+        estimated += lane_of(settings, lane).velocity_source == ESTIMATED
     # A vectorised loop computes all lanes or none.
     estimators = lanes if estimated > 0 else 0
     for lane in range(estimators):
-        if get(settings, 'velocity_source', lane) == ESTIMATED:
-            knows = get(settings, 'takes_rates', lane) == 0
-            estimate_rates(settings, memory, get(signals, 'position', lane), lane, knows)
+        gains, state = lane_of(settings, lane), lane_of(memory, lane)
+        if gains.velocity_source == ESTIMATED:
+            position = lane_of(signals, lane).position
+            estimate_rates(gains, state, position, gains.takes_rates == 0)
     for lane in range(lanes):
-        _control(settings, memory, signals, lane)
+        _control(lane_of(settings, lane), lane_of(memory, lane), lane_of(signals, lane))
     for lane in range(estimators):
-        if get(settings, 'velocity_source', lane) == ESTIMATED:
-            model = mechanism.model_of(settings, lane)
-            posture = mechanism.posture(model, get(signals, 'position', lane))
-            note_disturbance(memory, model, posture, get(memory, 'disturbance', lane), lane)
+        gains, state = lane_of(settings, lane), lane_of(memory, lane)
+        if gains.velocity_source == ESTIMATED:
+            model = mechanism.model_of(gains)
+            posture = mechanism.posture(model, lane_of(signals, lane).position)
+            note_disturbance(state, model, posture, state.disturbance)
     for lane in range(lanes):
-        law.post_update(settings, memory, lane)
+        law.post_update(lane_of(settings, lane), lane_of(memory, lane))
 
 
 @inlined
-def _control(settings: Any, memory: Any, signals: Any, lane: int) -> None:
-    position = get(signals, 'position', lane)
-    before = get(memory, 'commanded', lane)
-    model = mechanism.model_of(settings, lane)
+def _control(settings: Settings, memory: Memory, signals: Any) -> None:
+    """Compute one tick of one lane."""
+    position = signals.position
+    before = memory.commanded
+    model = mechanism.model_of(settings)
     posture = mechanism.posture(model, position)
-    measured = tail(get(signals, 'velocity', lane), before)
-    is_estimated = get(settings, 'velocity_source', lane) == ESTIMATED
-    rates = elementwise(_chosen, is_estimated, get(memory, 'rates', lane), measured)
+    measured = tail(signals.velocity, before)
+    is_estimated = settings.velocity_source == ESTIMATED
+    rates = elementwise(_chosen, is_estimated, memory.rates, measured)
     tick = tick_of(
         settings,
-        lane,
         posture,
         mechanism.motion(model, rates),
         position,
-        get(signals, 'velocity', lane),
-        thirds(get(signals, 'reference', lane)),
-        get(memory, 'drift', lane),
+        signals.velocity,
+        thirds(signals.reference),
+        memory.drift,
     )
-    put(signals, 'estimate', lane, get(memory, 'estimate', lane))
-    raw = law.torque(settings, tick, memory, lane)
-    torque = within_limits(settings, raw, before, lane)
-    put(memory, 'commanded', lane, torque)
-    law.learn(settings, tick, memory, lane, raw, torque)
+    signals.estimate = memory.estimate
+    raw = law.torque(settings, tick, memory)
+    torque = within_limits(settings, raw, before)
+    memory.commanded = torque
+    law.learn(settings, tick, memory, raw, torque)
     mechanism.follow_drift(
         model,
         posture,
         settings,
         memory,
-        lane,
         tick.velocity,
         tick.reference_velocity,
         tick.surface,
         elementwise(minus, raw, torque),
     )
-    put(signals, 'raw_torque', lane, raw)
-    put(signals, 'torque', lane, torque)
-    put(signals, 'rates', lane, get(memory, 'velocity_command', lane))
-    put(signals, 'error', lane, tick.error)
-    put(signals, 'surface', lane, tick.surface)
-    put(signals, 'singular', lane, tick.is_singular)
+    signals.raw_torque = raw
+    signals.torque = torque
+    signals.rates = memory.velocity_command
+    signals.error = tick.error
+    signals.surface = tick.surface
+    signals.singular = tick.is_singular
 
 
 @formula

@@ -12,7 +12,7 @@ from masmc_ros.law.plug_in import TickInput
 from masmc_ros.law.tick import tick_of
 from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula, kernel
-from masmc_ros.numerics.record import get
+from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.numerics.scalars import zero
 from masmc_ros.numerics.tuples import elementwise, from_index, tail, thirds, unit
 from masmc_ros.robot import mechanism
@@ -50,15 +50,14 @@ def _regressor_column(arguments: tuple[Any, Any, Numbers], j: int) -> Numbers:
 @kernel
 def dense(settings: Any, row: Any) -> Any:
     """Return the vectors and the columns of the matrices for `tick_input`."""
-    gains, signals = settings[0], row[0]
-    position = get(signals, 'position', 0)
-    model = mechanism.model_of(gains, 0)
+    gains, signals = lane_of(settings[0], 0), lane_of(row[0], 0)
+    position, velocity = signals.position, signals.velocity
+    model = mechanism.model_of(gains)
     posture = mechanism.posture(model, position)
-    rates = tail(get(signals, 'velocity', 0), get(signals, 'torque', 0))
-    desired = thirds(get(signals, 'reference', 0))
+    rates = tail(velocity, signals.torque)
     v = mechanism.motion(model, rates)
-    rates_of_all = get(signals, 'velocity', 0)
-    tick = tick_of(gains, 0, posture, v, position, rates_of_all, desired, elementwise(zero, v))
+    desired, drift = thirds(signals.reference), elementwise(zero, v)
+    tick = tick_of(gains, posture, v, position, velocity, desired, drift)
     h = mechanism.inertia(model, posture, tick.nominal)
     return (
         tick.error,

@@ -15,18 +15,19 @@ from typing import Any
 
 from masmc_ros.loop import records
 from masmc_ros.numerics.compiled import kernel
-from masmc_ros.numerics.record import fill, get
+from masmc_ros.numerics.lanes import lane_of
+from masmc_ros.numerics.record import fill
 from masmc_ros.robot import mechanism as formulas
 from masmc_ros.robot.declaration import Mechanism
 import numpy as np
 
 
 @kernel
-def _task_inertia(plant: Any, signals: Any) -> Any:
-    model = formulas.model_of(plant[0], 0)
-    bend = formulas.posture(model, get(signals[0], 'position', 0))
-    theta, error = get(plant[0], 'theta', 0), get(signals[0], 'error', 0)
-    return formulas.task_inertia(model, bend, theta, error)
+def _task_inertia(plant_settings: Any, signals: Any) -> Any:
+    plant, row = lane_of(plant_settings[0], 0), lane_of(signals[0], 0)
+    model = formulas.model_of(plant)
+    bend = formulas.posture(model, row.position)
+    return formulas.task_inertia(model, bend, plant.theta, row.error)
 
 
 def least_task_inertia(

@@ -28,8 +28,9 @@ from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.arrays import to_vector, write_along
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.field import Field
+from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.numerics.limits import clipped, limited
-from masmc_ros.numerics.record import fill, get, new_record, put
+from masmc_ros.numerics.record import fill, new_record
 from masmc_ros.numerics.scalars import minus, moved, zero
 from masmc_ros.numerics.tuples import dot, elementwise, tail
 from masmc_ros.params.declaration import Parameter
@@ -113,31 +114,31 @@ def _stop_torque(
     out: Any,
 ) -> bool:
     """Write the torque for a state, `elapsed` s after the one before; False if not finite."""
-    body = stop[0]
-    template = get(body, 'torque', 0)
-    model = mechanism.model_of(body, 0)
-    at = to_vector(position, get(body, 'position', 0))
+    body = lane_of(stop[0], 0)
+    template = body.torque
+    model = mechanism.model_of(body)
+    at = to_vector(position, body.position)
     angles = tail(at, template)
-    rates = tail(to_vector(velocity, get(body, 'position', 0)), template)
+    rates = tail(to_vector(velocity, body.position), template)
     if is_estimated:
         share = elapsed / (elapsed + _FILTER)
-        before = get(body, 'angles', 0)
-        rates = elementwise(_filtered, get(body, 'rates', 0), before, angles, elapsed, share)
+        before = body.angles
+        rates = elementwise(_filtered, body.rates, before, angles, elapsed, share)
     v_r = elementwise(
         _led,
-        get(body, 'reference_rates', 0),
-        get(body, 'reference_angles', 0),
-        get(body, 'goal', 0),
+        body.reference_rates,
+        body.reference_angles,
+        body.goal,
         1.0 / (1.0 + _BRAKING * elapsed),
         pull,
     )
-    q_r = elementwise(moved, get(body, 'reference_angles', 0), v_r, elapsed)
-    put(body, 'position', 0, at)
-    put(body, 'angles', 0, angles)
-    put(body, 'rates', 0, rates)
-    put(body, 'reference_rates', 0, v_r)
-    put(body, 'reference_angles', 0, q_r)
-    theta = get(body, 'nominal', 0)
+    q_r = elementwise(moved, body.reference_angles, v_r, elapsed)
+    body.position = at
+    body.angles = angles
+    body.rates = rates
+    body.reference_rates = v_r
+    body.reference_angles = q_r
+    theta = body.nominal
     bend = mechanism.posture(model, at)
     apart = elementwise(_apart, rates, v_r, angles, q_r, stiffness)
     motion = mechanism.motion(model, apart)
@@ -145,18 +146,11 @@ def _stop_torque(
     inertia = mechanism.inertia(model, bend, theta)
     feedback = mechanism.inertia_times(model, inertia, elementwise(_scaled, motion, gain))
     raw = mechanism.joint_torques(model, elementwise(minus, weight, feedback))
-    torque = elementwise(
-        limited,
-        raw,
-        get(body, 'torque', 0),
-        get(body, 'limit', 0),
-        get(body, 'rate_limit', 0),
-        get(body, 'period', 0),
-    )
+    torque = elementwise(limited, raw, body.torque, body.limit, body.rate_limit, body.period)
     # The sum is zero for finite numbers and NaN otherwise.
     is_finite = dot(elementwise(minus, torque, torque), torque) == 0.0
     if is_finite:
-        put(body, 'torque', 0, torque)
+        body.torque = torque
         write_along(out, 0, torque)
     return is_finite
 

@@ -15,6 +15,15 @@ Vector in a formula: one number per joint, task axis or inertial parameter.
 Compiled code has a tuple of up to `numerics.tuples.LONGEST` numbers, and an array of more.
 """
 
+Axes = Numbers
+"""Vector of a formula with one number per task axis."""
+
+Joints = Numbers
+"""Vector of a formula with one number per driven joint, or per velocity of the mechanism."""
+
+Parameters = Numbers
+"""Vector of a formula with one number per base inertial parameter."""
+
 Columns = tuple[Numbers, ...]
 """Matrix in a formula, as a tuple of its columns."""
 

@@ -27,17 +27,6 @@ def to_vector(array: Any, as_many: Numbers) -> Any:
     return tuple(array[:count]) if isinstance(as_many, tuple) else array[:count].copy()
 
 
-def read_row(array: Any, row: int, first: int, lane: int, as_many: Numbers) -> Any:
-    """Return the entries (row, first ..., lane) of an array, as many as a tuple has."""
-    return tuple(array[row, first + i, lane] for i in range(len(as_many)))
-
-
-def write_row(array: Any, row: int, first: int, lane: int, values: Numbers) -> None:
-    """Write a tuple into the entries (row, first ..., lane) of an array."""
-    for i in range(len(values)):
-        array[row, first + i, lane] = values[i]
-
-
 def read_part(array: Any, row: int, first: int, as_many: Numbers) -> Any:
     """Return the entries (row, first ...) of an array, as many as a tuple has."""
     return tuple(array[row, first + i] for i in range(len(as_many)))
@@ -140,11 +129,9 @@ def _written(which: int, indices: int) -> Any:
     return write
 
 
-generated(read_row, _tuple_of)(_read(1, 3))
 generated(read_part, _tuple_of)(_read(1, 2))
 generated(read_down, _tuple_of)(_read(0, 2))
 generated(read_along, _tuple_of)(_read(0, 1))
-generated(write_row, lambda context, *kinds: types.none)(_written(1, 3))
 generated(write_part, lambda context, *kinds: types.none)(_written(1, 2))
 generated(write_down, lambda context, *kinds: types.none)(_written(0, 2))
 generated(write_along, lambda context, *kinds: types.none)(_written(0, 1))

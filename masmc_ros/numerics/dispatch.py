@@ -17,9 +17,9 @@ from functools import wraps
 from typing import Any
 
 from masmc_ros.numerics.generated import called, Compiler, generated
+from masmc_ros.numerics.lanes import LaneType
 from masmc_ros.numerics.record import tag_of
 from numba import types
-import numpy as np
 
 Finder = Callable[[Any], Any]
 
@@ -35,10 +35,10 @@ def by_class(find: Callable[[type], Any]) -> Finder:
 
 
 def by_tag(name: str, find: Callable[[str], Any]) -> Finder:
-    """Select by the tag `name` of a record; `find` returns the implementation for a tag."""
+    """Select by the tag `name` of a lane's record; `find` returns the implementation for a tag."""
 
     def choose(first: Any) -> Any:
-        return find(tag_of(first.dtype if isinstance(first, np.void) else first, name))
+        return find(tag_of(first.record if isinstance(first, LaneType) else first.dtype, name))
 
     return choose
 

@@ -7,7 +7,7 @@ Records of declared fields by [component, lane], for compiled code and Python.
 A module declares the fields of its gains, settings, memory or signals once. The size of a field is
 a name (`axes`, `joints`, ...), and the mechanism determines the number. A record stores a field of
 one component as (lanes), others as (components, lanes). Nodes have one lane, parallel runs have
-many; compiled code loops over the lanes innermost.
+many; compiled code loops over the lanes innermost. `lanes.py` has the attributes of one lane.
 
 The type of a record contains its law and its mechanism as tags, the names of empty fields. The
 compiler selects formulas by them and compiles separate code for each.
@@ -20,7 +20,6 @@ from typing import Any
 
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.generated import Compiler, generated
-from masmc_ros.numerics.tuples import entry_place, is_array, LONGEST, new_vector, VECTOR
 from numba import types
 from numba.core import cgutils
 import numpy as np
@@ -114,10 +113,6 @@ def lane_count(record: Any) -> int:
     return lanes_of(record)
 
 
-def _shape(record: Any, name: str) -> tuple[int, ...]:
-    return tuple(record.fields[name].type.shape)
-
-
 def _lanes(record: Any) -> int:
     return int(next(iter(record.fields.values())).type.shape[-1])
 
@@ -143,101 +138,6 @@ def _lane_count(compiler: Compiler, kinds: Any, values: Any) -> Any:
     odd = compiler.context.get_constant(types.intp, lanes >> power)
     hidden = build.asm(ir.FunctionType(odd.type, [odd.type]), '', '=r,0', [odd], False)
     return build.shl(build.or_(hidden, odd.type(1)), odd.type(power), flags=('nuw', 'nsw'))
-
-
-def get(record: Any, name: str, lane: int) -> Any:
-    """Return a field of one lane: a number, or a vector of its components, a copy."""
-    values = record[name]
-    if values.ndim == 1:
-        return values[lane]
-    return tuple(values[:, lane]) if len(values) <= LONGEST else values[:, lane].copy()
-
-
-def _type_of_field(context: Any, record: Any, name: Any, lane: Any) -> Any:
-    is_known = isinstance(record, types.Record) and isinstance(name, types.StringLiteral)
-    if not is_known:
-        return None
-    shape = _shape(record, name.literal_value)
-    kind = record.fields[name.literal_value].type.dtype
-    if len(shape) == 1:
-        return kind
-    return types.UniTuple(kind, shape[0]) if shape[0] <= LONGEST else VECTOR
-
-
-@generated(get, _type_of_field)
-def _get(compiler: Compiler, kinds: Any, values: Any) -> Any:
-    build = compiler.builder
-    if is_array(compiler.result):
-        out = new_vector(compiler, _count(compiler, kinds))
-        with cgutils.for_range(build, _count(compiler, kinds)) as loop:
-            place = _component(compiler, kinds, values, loop.index)
-            build.store(build.load(place), entry_place(compiler, VECTOR, out, loop.index))
-        return out
-    places = _places(compiler, kinds, values)
-    entries = [build.load(place) for place in places]
-    is_tuple = isinstance(compiler.result, types.BaseTuple)
-    return compiler.tuple_of(entries) if is_tuple else entries[0]
-
-
-def put(record: Any, name: str, lane: int, value: Any) -> None:
-    """Write a number or a vector into a field of one lane."""
-    values = record[name]
-    if values.ndim == 1:
-        values[lane] = value
-    else:
-        values[:, lane] = value
-
-
-@generated(put, lambda context, record, name, lane, value: types.none)
-def _put(compiler: Compiler, kinds: Any, values: Any) -> Any:
-    kind = kinds[0].fields[kinds[1].literal_value].type.dtype
-    value, value_kind = values[3], kinds[3]
-    if is_array(value_kind):
-        build = compiler.builder
-        with cgutils.for_range(build, _count(compiler, kinds)) as loop:
-            number = build.load(entry_place(compiler, value_kind, value, loop.index))
-            build.store(number, _component(compiler, kinds, values, loop.index))
-        return compiler.context.get_dummy_value()
-    entries, entry_kinds = [value], [value_kind]
-    is_vector = isinstance(value_kind, types.BaseTuple)
-    if is_vector:
-        entries, entry_kinds = compiler.entries(value, value_kind), list(value_kind)
-    for place, entry, entry_kind in zip(
-        _places(compiler, kinds, values), entries, entry_kinds, strict=True
-    ):
-        compiler.builder.store(compiler.cast(entry, entry_kind, kind), place)
-    return compiler.context.get_dummy_value()
-
-
-def _places(compiler: Compiler, kinds: Any, values: Any) -> list[Any]:
-    """Return pointers to the components of a field of one lane."""
-    shape = _shape(kinds[0], kinds[1].literal_value)
-    return [
-        _place(compiler, kinds, values, compiler.context.get_constant(types.intp, i * shape[-1]))
-        for i in range(1 if len(shape) == 1 else shape[0])
-    ]
-
-
-def _component(compiler: Compiler, kinds: Any, values: Any, i: Any) -> Any:
-    """Return a pointer to component i of a field of one lane."""
-    lanes = i.type(_shape(kinds[0], kinds[1].literal_value)[-1])
-    return _place(compiler, kinds, values, compiler.builder.mul(i, lanes))
-
-
-def _place(compiler: Compiler, kinds: Any, values: Any, beyond: Any) -> Any:
-    """Return a pointer `beyond` numbers after the first component of a field of one lane."""
-    field = kinds[0].fields[kinds[1].literal_value]
-    number = compiler.context.get_data_type(field.type.dtype)
-    build = compiler.builder
-    start = cgutils.get_record_member(build, values[0], field.offset, number)
-    lane = compiler.cast(values[2], kinds[2], types.intp)
-    return build.gep(start, [build.add(lane, beyond)])
-
-
-def _count(compiler: Compiler, kinds: Any) -> Any:
-    """Return the number of components of a field."""
-    count = _shape(kinds[0], kinds[1].literal_value)[0]
-    return compiler.context.get_constant(types.intp, count)
 
 
 def copied(record: Any) -> Any:

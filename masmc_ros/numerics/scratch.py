@@ -91,13 +91,22 @@ def _scratch(compiler: Compiler, kinds: Any, values: Any) -> Any:
 
 
 def array_over(
-    compiler: Compiler, kind: types.Array, room: Any, lengths: list[Any], owner: Any = None
+    compiler: Compiler,
+    kind: types.Array,
+    room: Any,
+    lengths: list[Any],
+    owner: Any = None,
+    steps: int = 1,
 ) -> Any:
-    """Return an array over existing memory; without an owner it is not reference-counted."""
+    """
+    Return an array over existing memory; without an owner it is not reference-counted.
+
+    Consecutive entries of the last dimension are `steps` numbers apart.
+    """
     context, build = compiler.context, compiler.builder
     own = context.make_array(kind)(context, build)
     size = context.get_constant(types.intp, context.get_abi_sizeof(room.type.pointee))
-    strides, count = [size], lengths[0]
+    strides, count = [build.mul(size, size.type(steps))], lengths[0]
     for length in lengths[:0:-1]:
         strides.insert(0, build.mul(strides[0], length))
         count = build.mul(count, length)

@@ -9,8 +9,9 @@ from typing import Any
 
 from masmc_ros.numerics.bits import bits_of
 from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.numerics.portable_math import padded, sines, write_sines
-from masmc_ros.numerics.record import get, lane_count, put
+from masmc_ros.numerics.record import lane_count
 from masmc_ros.numerics.tuples import elementwise
 
 
@@ -34,10 +35,10 @@ def moment(time: float, step: int, halves: int, h: float) -> float:
 def write_push(plant: Any, memory: Any, time: float) -> None:
     """Write amplitude sin(frequency t + phase) in N·m at t in s as `disturbance`, in all lanes."""
     for lane in range(lane_count(plant)):
-        frequency, phase = get(plant, 'frequency', lane), get(plant, 'phase', lane)
-        angles = elementwise(_angle, time, frequency, phase)
-        torque = elementwise(_torque, get(plant, 'amplitude', lane), sines(angles))
-        put(memory, 'disturbance', lane, torque)
+        robot = lane_of(plant, lane)
+        angles = elementwise(_angle, time, robot.frequency, robot.phase)
+        torque = elementwise(_torque, robot.amplitude, sines(angles))
+        lane_of(memory, lane).disturbance = torque
 
 
 @formula

@@ -20,8 +20,8 @@ from typing import Any
 from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import formula, kernel
+from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.numerics.limits import clipped
-from masmc_ros.numerics.record import get
 from masmc_ros.numerics.tuples import unit
 from masmc_ros.robot import mechanism
 import numpy as np
@@ -43,12 +43,11 @@ def joint_inertias(plant: Any, angles: Any, lane: int) -> NDArray[np.float64]:
     `plant` is an array of one record of the plant's settings; other lanes need not be written yet.
     `angles` (joints) are in rad.
     """
-    record = plant[0]
-    diagonal = np.empty(len(angles))
-    template = get(record, 'limit', lane)
-    model = mechanism.model_of(record, lane)
+    robot, diagonal = lane_of(plant[0], lane), np.empty(len(angles))
+    template = robot.limit
+    model = mechanism.model_of(robot)
     bend = mechanism.posture_of_joints(model, to_vector(angles, template))
-    h = mechanism.inertia(model, bend, get(record, 'theta', lane))
+    h = mechanism.inertia(model, bend, robot.theta)
     for joint in range(len(template)):
         diagonal[joint] = felt_inertia(model, template, h, joint)
     return diagonal

@@ -14,10 +14,9 @@ from __future__ import annotations
 from typing import Any
 
 from masmc_ros.numerics.aliases import Numbers
-from masmc_ros.numerics.arrays import read_row, write_row
+from masmc_ros.numerics.arrays import read_part, write_part
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.portable_random import gaussian
-from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import minus
 from masmc_ros.numerics.tuples import elementwise, from_index, head, joined, tail
 from masmc_ros.robot import mechanism
@@ -48,42 +47,42 @@ def _noisy(rate: float, deviation: float, noise: float) -> float:
 
 
 @formula
-def measured(plant: Any, memory: Any, tick: int, lane: int) -> tuple[Numbers, Numbers]:
+def measured(plant: Any, memory: Any, tick: int) -> tuple[Numbers, Numbers]:
     """Return measured positions and velocities, before the delay."""
-    model = mechanism.model_of(plant, lane)
-    position, rates = get(memory, 'position', lane), get(memory, 'rates', lane)
-    resolution, pose = get(plant, 'resolution', lane), get(memory, 'odometry', lane)
+    model = mechanism.model_of(plant)
+    position, rates = memory.position, memory.rates
+    resolution, pose = plant.resolution, memory.odometry
     angles = elementwise(quantised, tail(position, rates), resolution)
     counts = mechanism.counts_turns(model, resolution)
     if (tick == 0) | (not counts):
         pose = head(position, pose)
     else:
-        turned = elementwise(minus, angles, get(memory, 'counted', lane))
+        turned = elementwise(minus, angles, memory.counted)
         pose = mechanism.dead_reckoned(model, pose, turned)
-    put(memory, 'odometry', lane, pose)
-    put(memory, 'counted', lane, angles)
-    noise = from_index(_noise, rates, (get(plant, 'seed', lane), tick))
-    rates = elementwise(_noisy, rates, get(plant, 'noise', lane), noise)
+    memory.odometry = pose
+    memory.counted = angles
+    noise = from_index(_noise, rates, (plant.seed, tick))
+    rates = elementwise(_noisy, rates, plant.noise, noise)
     seen = joined(pose, angles)
     posture = mechanism.posture(model, seen)
     return seen, mechanism.position_rates(model, posture, rates)
 
 
 @formula
-def measure(plant: Any, memory: Any, delayed: Any, tick: int, signals: Any, lane: int) -> None:
+def measure(plant: Any, memory: Any, delayed: Any, tick: int, signals: Any) -> None:
     """
     Write the measurement of the true state in `memory` at a tick into `signals`.
 
-    `delayed` (maximum delay + 1, positions and velocities, lanes) contains the latest
-    measurements, that of tick k in row k mod (delay + 1).
+    `delayed` (maximum delay + 1, positions and velocities) contains the latest measurements, that
+    of tick k in row k mod (delay + 1).
     """
-    position, velocity = measured(plant, memory, tick, lane)
-    delay = get(plant, 'delay', lane)
+    position, velocity = measured(plant, memory, tick)
+    delay = plant.delay
     rows = delay + 1
     n = len(position)
-    write_row(delayed, tick % rows, 0, lane, position)
-    write_row(delayed, tick % rows, n, lane, velocity)
+    write_part(delayed, tick % rows, 0, position)
+    write_part(delayed, tick % rows, n, velocity)
     # The first measurement is used until the delay has passed.
     row = (tick - delay) % rows if tick > delay else 0
-    put(signals, 'position', lane, read_row(delayed, row, 0, lane, position))
-    put(signals, 'velocity', lane, read_row(delayed, row, n, lane, velocity))
+    signals.position = read_part(delayed, row, 0, position)
+    signals.velocity = read_part(delayed, row, n, velocity)

@@ -9,7 +9,6 @@ from typing import Any
 
 from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import plus
 from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot import mechanism
@@ -48,7 +47,7 @@ def derivative(
 
 
 @formula
-def runge_kutta_stage(plant: Any, memory: Any, lane: int, stage: int, h: float) -> None:
+def runge_kutta_stage(plant: Any, memory: Any, stage: int, h: float) -> None:
     """
     Take one of the four stages of a step of h seconds; after the last, `reached` is its end.
 
@@ -60,20 +59,18 @@ def runge_kutta_stage(plant: Any, memory: Any, lane: int, stage: int, h: float) 
     # To the next stage from the start of the step, and to the end of it along all slopes.
     part = h / 6.0 if is_last else (h if stage == 2 else 0.5 * h)
     slope, acceleration = derivative(
-        mechanism.model_of(plant, lane),
-        get(plant, 'theta', lane),
-        get(memory, 'reached', lane),
-        get(memory, 'reached_rates', lane),
-        elementwise(plus, get(memory, 'driven', lane), get(memory, 'disturbance', lane)),
+        mechanism.model_of(plant),
+        plant.theta,
+        memory.reached,
+        memory.reached_rates,
+        elementwise(plus, memory.driven, memory.disturbance),
     )
-    slopes = elementwise(_summed, get(memory, 'slopes', lane), slope, weight, is_first)
-    accelerations = elementwise(
-        _summed, get(memory, 'accelerations', lane), acceleration, weight, is_first
-    )
-    put(memory, 'slopes', lane, slopes)
-    put(memory, 'accelerations', lane, accelerations)
+    slopes = elementwise(_summed, memory.slopes, slope, weight, is_first)
+    accelerations = elementwise(_summed, memory.accelerations, acceleration, weight, is_first)
+    memory.slopes = slopes
+    memory.accelerations = accelerations
     along = elementwise(_chosen, slope, slopes, is_last)
-    put(memory, 'reached', lane, elementwise(_moved, get(memory, 'position', lane), part, along))
+    memory.reached = elementwise(_moved, memory.position, part, along)
     along = elementwise(_chosen, acceleration, accelerations, is_last)
-    reached_rates = elementwise(_moved, get(memory, 'rates', lane), part, along)
-    put(memory, 'reached_rates', lane, reached_rates)
+    reached_rates = elementwise(_moved, memory.rates, part, along)
+    memory.reached_rates = reached_rates

@@ -9,8 +9,9 @@ from typing import Any
 
 from masmc_ros.numerics.compiled import formula, inlined
 from masmc_ros.numerics.field import Field
+from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.numerics.limits import limited
-from masmc_ros.numerics.record import get, lane_count, put
+from masmc_ros.numerics.record import lane_count
 from masmc_ros.numerics.scalars import minus, zero
 from masmc_ros.numerics.scratch import scratch
 from masmc_ros.numerics.tuples import column, elementwise
@@ -71,25 +72,16 @@ def _share(total: float, value: float, steps: float) -> float:
 
 
 @formula
-def _hold_rates(plant: Any, memory: Any, signals: Any, lane: int, h: float, steps: int) -> None:
+def _hold_rates(plant: Any, memory: Any, signals: Any, h: float, steps: int) -> None:
     """Advance the drives, which follow the commanded rates, by one step of h seconds."""
-    model = mechanism.model_of(plant, lane)
-    commanded = mechanism.commanded_joint_rates(model, get(signals, 'rates', lane))
-    missing = elementwise(minus, commanded, get(memory, 'rates', lane))
-    driven = elementwise(
-        drive,
-        missing,
-        get(memory, 'drive_integral', lane),
-        get(plant, 'inertia', lane),
-        get(plant, 'bandwidth', lane),
-        get(plant, 'limit', lane),
-        h,
-    )
-    torque = column(driven, 0)
-    put(memory, 'driven', lane, torque)
-    put(memory, 'drive_integral', lane, column(driven, 1))
-    applied = elementwise(_share, get(signals, 'applied', lane), torque, steps)
-    put(signals, 'applied', lane, applied)
+    model = mechanism.model_of(plant)
+    commanded = mechanism.commanded_joint_rates(model, signals.rates)
+    missing = elementwise(minus, commanded, memory.rates)
+    integral, inertia = memory.drive_integral, plant.inertia
+    driven = elementwise(drive, missing, integral, inertia, plant.bandwidth, plant.limit, h)
+    memory.driven = column(driven, 0)
+    memory.drive_integral = column(driven, 1)
+    signals.applied = elementwise(_share, signals.applied, memory.driven, steps)
 
 
 @formula
@@ -102,36 +94,33 @@ def take_command(plant: Any, memory: Any, signals: Any, holds: bool) -> None:
     """
     lanes = lane_count(plant)
     # Conditions equal in all lanes are outside of the loops, which otherwise do not vectorise.
-    if (plant['takes_rates'][0] != 0) | holds:
+    first = lane_of(plant, 0)
+    if (first.takes_rates != 0) | holds:
         for lane in range(lanes):
-            nothing = elementwise(zero, get(signals, 'torque', lane))
-            put(signals, 'applied', lane, nothing)
+            row = lane_of(signals, lane)
+            row.applied = elementwise(zero, row.torque)
             if holds:
-                put(signals, 'rates', lane, nothing)
+                row.rates = elementwise(zero, row.torque)
     else:
+        period = first.period
         for lane in range(lanes):
-            asked = get(signals, 'torque', lane)
+            robot, state, row = lane_of(plant, lane), lane_of(memory, lane), lane_of(signals, lane)
             held = elementwise(
-                limited,
-                asked,
-                get(memory, 'driven', lane),
-                get(plant, 'limit', lane),
-                get(plant, 'rate_limit', lane),
-                plant['period'][0],
+                limited, row.torque, state.driven, robot.limit, robot.rate_limit, period
             )
-            put(signals, 'applied', lane, held)
-            put(memory, 'driven', lane, held)
-            put(memory, 'drive_integral', lane, elementwise(zero, asked))
+            row.applied = held
+            state.driven = held
+            state.drive_integral = elementwise(zero, held)
 
 
 @formula
 def release(plant: Any, memory: Any, signals: Any, holds: bool) -> None:
     """Clear the torque of drives that held without a command, if torques are commanded."""
-    if holds & (plant['takes_rates'][0] == 0):
+    if holds & (lane_of(plant, 0).takes_rates == 0):
         for lane in range(lane_count(plant)):
-            nothing = elementwise(zero, get(signals, 'torque', lane))
-            put(signals, 'applied', lane, nothing)
-            put(memory, 'driven', lane, nothing)
+            row = lane_of(signals, lane)
+            row.applied = elementwise(zero, row.torque)
+            lane_of(memory, lane).driven = row.applied
 
 
 @formula
@@ -139,13 +128,15 @@ def drive_step(
     plant: Any, memory: Any, tick: int, step: int, signals: Any, holds: bool
 ) -> None:
     """Write the joint forces over one step of an external integrator: `driven`, `disturbance`."""
-    steps, period = plant['steps'][0], plant['period'][0]
+    first = lane_of(plant, 0)
+    steps, period = first.steps, first.period
     h = period / steps
     if step == 0:
         take_command(plant, memory, signals, holds)
     for lane in range(lane_count(plant)):
-        if (plant['takes_rates'][0] != 0) | holds:
-            _hold_rates(plant, memory, signals, lane, h, steps)
+        if (first.takes_rates != 0) | holds:
+            robot, state, row = lane_of(plant, lane), lane_of(memory, lane), lane_of(signals, lane)
+            _hold_rates(robot, state, row, h, steps)
     write_push(plant, memory, moment(tick * period, step, 1, h))
 
 
@@ -158,21 +149,23 @@ def advance(plant: Any, memory: Any, tick: int, signals: Any, holds: bool) -> No
     itself, or the mean torque of drives that follow velocities. Without a command, the
     drives hold the joints at zero velocity; the applied torque is then zero.
     """
-    lanes = lane_count(plant)
-    steps, period = plant['steps'][0], plant['period'][0]
-    takes_rates = (plant['takes_rates'][0] != 0) | holds
+    lanes, first = lane_count(plant), lane_of(plant, 0)
+    steps, period = first.steps, first.period
+    takes_rates = (first.takes_rates != 0) | holds
     time = tick * period
     h = period / steps
     waves = scratch(waves_of_step(plant))
     shares = shares_waves(plant)
     take_command(plant, memory, signals, holds)
     for lane in range(lanes):
-        put(memory, 'reached', lane, get(memory, 'position', lane))
-        put(memory, 'reached_rates', lane, get(memory, 'rates', lane))
+        state = lane_of(memory, lane)
+        state.reached = state.position
+        state.reached_rates = state.rates
     for step in range(steps):
         if takes_rates:
             for lane in range(lanes):
-                _hold_rates(plant, memory, signals, lane, h, steps)
+                robot, state = lane_of(plant, lane), lane_of(memory, lane)
+                _hold_rates(robot, state, lane_of(signals, lane), h, steps)
         if shares:
             write_waves(plant, time, step, h, waves)
         for stage in range(4):
@@ -184,10 +177,11 @@ def advance(plant: Any, memory: Any, tick: int, signals: Any, holds: bool) -> No
                 else:
                     write_push(plant, memory, moment(time, step, halves, h))
             for lane in range(lanes):
-                runge_kutta_stage(plant, memory, lane, stage, h)
+                runge_kutta_stage(lane_of(plant, lane), lane_of(memory, lane), stage, h)
         for lane in range(lanes):
-            put(memory, 'position', lane, get(memory, 'reached', lane))
-            put(memory, 'rates', lane, get(memory, 'reached_rates', lane))
+            state = lane_of(memory, lane)
+            state.position = state.reached
+            state.rates = state.reached_rates
     write_velocity(plant, memory)
     release(plant, memory, signals, holds)
 
@@ -196,21 +190,19 @@ def advance(plant: Any, memory: Any, tick: int, signals: Any, holds: bool) -> No
 def write_velocity(plant: Any, memory: Any) -> None:
     """Write the velocities of the true state."""
     for lane in range(lane_count(plant)):
-        model = mechanism.model_of(plant, lane)
-        posture = mechanism.posture(model, get(memory, 'position', lane))
-        rates = mechanism.position_rates(model, posture, get(memory, 'rates', lane))
-        put(memory, 'velocity', lane, rates)
+        state, model = lane_of(memory, lane), mechanism.model_of(lane_of(plant, lane))
+        posture = mechanism.posture(model, state.position)
+        state.velocity = mechanism.position_rates(model, posture, state.rates)
 
 
 @formula
 def observe(plant: Any, memory: Any, delayed: Any, tick: int, signals: Any) -> None:
     """Write the true state and its measurement into `signals`."""
     for lane in range(lane_count(plant)):
-        position, velocity = get(memory, 'position', lane), get(memory, 'velocity', lane)
-        put(signals, 'true_position', lane, position)
-        put(signals, 'true_velocity', lane, velocity)
-        put(signals, 'position', lane, position)
-        put(signals, 'velocity', lane, velocity)
+        state, row = lane_of(memory, lane), lane_of(signals, lane)
+        row.true_position = row.position = state.position
+        row.true_velocity = row.velocity = state.velocity
     for lane in range(lane_count(plant)):
-        if get(plant, 'is_exact', lane) == 0:
-            measure(plant, memory, delayed, tick, signals, lane)
+        robot, state, row = lane_of(plant, lane), lane_of(memory, lane), lane_of(signals, lane)
+        if robot.is_exact == 0:
+            measure(robot, state, lane_of(delayed, lane), tick, row)

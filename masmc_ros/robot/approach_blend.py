@@ -11,7 +11,6 @@ from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.hermite import quintic, Sample
-from masmc_ros.numerics.record import get
 from masmc_ros.robot import mechanism
 
 SHORTEST = 0.5
@@ -24,10 +23,10 @@ _LEAD = 2.0
 @formula
 def task_state(robot: Any, position: Any, rates: Any) -> tuple[Numbers, Numbers]:
     """Return x in m and xdot in m/s of a robot with these positions and joint velocities."""
-    model = mechanism.model_of(robot, 0)
-    at = to_vector(position, get(robot, 'position', 0))
+    model = mechanism.model_of(robot)
+    at = to_vector(position, robot.position)
     bend = mechanism.posture(model, at)
-    v = mechanism.motion(model, to_vector(rates, get(robot, 'rates', 0)))
+    v = mechanism.motion(model, to_vector(rates, robot.rates))
     return mechanism.task_position(model, bend, at), mechanism.task_velocity(model, bend, v)
 
 

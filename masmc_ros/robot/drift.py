@@ -55,7 +55,6 @@ def no_drift(
     posture: Any,
     settings: Any,
     memory: Any,
-    lane: int,
     motion: Numbers,
     reference: Numbers,
     surface: Numbers,

@@ -13,7 +13,6 @@ from typing import Any
 
 from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.record import get
 from masmc_ros.numerics.tuples import elementwise
 
 
@@ -25,13 +24,13 @@ def gradient_step(estimate: float, gradient: float, gamma: float, period: float)
 
 @formula
 def theta_step(
-    model: Any, settings: Any, lane: int, theta: Numbers, gradient: Numbers, period: float
+    model: Any, settings: Any, theta: Numbers, gradient: Numbers, period: float
 ) -> Numbers:
     """Return theta - T Gamma^-1 g."""
-    return elementwise(gradient_step, theta, gradient, get(settings, 'gamma', lane), period)
+    return elementwise(gradient_step, theta, gradient, settings.gamma, period)
 
 
 @formula
-def preserves_consistency(model: Any, settings: Any, lane: int) -> bool:
+def preserves_consistency(model: Any, settings: Any) -> bool:
     """Return False: independent parameters can be physically inconsistent."""
     return False

@@ -60,7 +60,7 @@ of_model = interface(by_class(formulas_of_model))
 
 
 @_of_record
-def model_of(record: Any, lane: int) -> Any:
+def model_of(record: Any) -> Any:
     """Return the lengths in a record of this mechanism."""
 
 
@@ -176,7 +176,6 @@ def follow_drift(
     posture: Any,
     settings: Any,
     memory: Any,
-    lane: int,
     motion: Numbers,
     reference: Numbers,
     surface: Numbers,
@@ -235,7 +234,7 @@ def regressor_transpose_times(model: Any, y: Any, motion: Numbers, template: Num
 
 @of_model
 def theta_step(
-    model: Any, settings: Any, lane: int, theta: Numbers, gradient: Numbers, period: float
+    model: Any, settings: Any, theta: Numbers, gradient: Numbers, period: float
 ) -> Numbers:
     """
     Return theta after one period of adaptation along a gradient, before leakage and projection.
@@ -246,7 +245,7 @@ def theta_step(
 
 
 @of_model
-def preserves_consistency(model: Any, settings: Any, lane: int) -> bool:
+def preserves_consistency(model: Any, settings: Any) -> bool:
     """Return True if `theta_step` keeps theta physically possible, without a projection."""
 
 

@@ -14,7 +14,8 @@ from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.record import fill, get, new_record
+from masmc_ros.numerics.lanes import lane_of
+from masmc_ros.numerics.record import fill, new_record
 from masmc_ros.robot import mechanism as formulas
 from masmc_ros.robot.declaration import Mechanism, ODOM_FRAME
 from masmc_ros.robot.joint_names import driven_joint_names
@@ -103,10 +104,10 @@ def robot_description(values: Mapping[str, Any], frame_prefix: str = '') -> str:
 
 @kernel
 def _task_positions(body: Any, position: Any) -> Array:
-    record = body[0]
-    template = get(record, 'position', 0)
-    model = formulas.model_of(record, 0)
-    out = np.empty((len(position), len(get(record, 'error', 0))))
+    robot = lane_of(body[0], 0)
+    template = robot.position
+    model = formulas.model_of(robot)
+    out = np.empty((len(position), len(robot.error)))
     for k in range(len(position)):
         at = to_vector(position[k], template)
         x = formulas.task_position(model, formulas.posture(model, at), at)

@@ -22,7 +22,6 @@ from typing import Any, NamedTuple
 from masmc_ros.errors import InputError
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.portable_math import sin_cos
-from masmc_ros.numerics.record import get
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot.declaration import (
     BASE_FRAME,
@@ -210,9 +209,9 @@ def outline(lengths: Array, position: Array) -> Outline:
 
 
 @formula
-def model_of(record: Any, lane: int) -> Lengths:
+def model_of(record: Any) -> Lengths:
     """Return the lengths stored in a record."""
-    lengths = get(record, 'geometry', lane)
+    lengths = record.geometry
     return Lengths(lengths[0], lengths[1])
 
 

@@ -44,7 +44,7 @@ def model_of(
         tree, np.eye(tree.base), [(body, np.eye(3).ravel().tolist(), point)], range(6),
         np.ones(size), np.zeros(size), (np.zeros(size),) * 3, 0.0, 0.0, 1e-3,
     )  # fmt: skip
-    return TreeModel(numbers[:, None], 0)
+    return TreeModel(numbers)
 
 
 def digest() -> str:

@@ -48,7 +48,7 @@ from masmc_ros.numerics.compiled import formula
 
 
 @formula
-def torque(settings, tick, memory, lane):
+def torque(settings, tick, memory):
     return no_such_name + 1.0
 
 

@@ -12,14 +12,13 @@ from masmc_ros.numerics.arrays import (
     array_of,
     read_down,
     read_part,
-    read_row,
     to_vector,
     write_part,
-    write_row,
 )
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.record import get, new_record, put
+from masmc_ros.numerics.lanes import lane_of
+from masmc_ros.numerics.record import new_record
 from masmc_ros.numerics.tuples import dot, elementwise, from_index, LONGEST, unit
 import numpy as np
 import pytest
@@ -46,13 +45,13 @@ def _pair(array: Any, i: int) -> tuple[float, float]:
 def all_functions(records: Any) -> Any:
     """Return results of all vector functions for a field of the second lane."""
     record = records[0]
-    a = get(record, 'values', 1)
+    a = lane_of(record, 1).values
     b = elementwise(_combined, a, 2.0)
-    put(record, 'values', 0, elementwise(_combined, a, b))
+    lane_of(record, 0).values = elementwise(_combined, a, b)
     rows = np.zeros((2, 3))
     write_part(rows, 1, 1, (1.5, 2.5))
     lanes = np.zeros((2, 3, 2))
-    write_row(lanes, 1, 1, 1, (3.5, 4.5))
+    write_part(lane_of(lanes, 1), 1, 1, (3.5, 4.5))
     return (
         b,
         from_index(_entry, a, b),
@@ -64,7 +63,7 @@ def all_functions(records: Any) -> Any:
         to_vector(array_of(b), PAIR),
         read_part(rows, 1, 1, PAIR),
         read_down(rows, 0, 2, PAIR),
-        read_row(lanes, 1, 1, 1, PAIR),
+        read_part(lane_of(lanes, 1), 1, 1, PAIR),
         dot(a, b),
     )
 

@@ -25,8 +25,8 @@ DECLARED = """
            label='stretched', title='Error of all axes'),
 """
 COMPUTED = """
-    put(signals, 'push', lane, elementwise(minus, raw, torque))
-    put(signals, 'stretched', lane, math.sqrt(dot(tick.error, tick.error)))
+    signals.push = elementwise(minus, raw, torque)
+    signals.stretched = math.sqrt(dot(tick.error, tick.error))
 """
 IMPORTED = """
 import math
@@ -55,7 +55,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         shutil.copytree(ROOT / name, folder / name)
     insert(folder / 'masmc_ros/loop/signals.py', "    Signal('singular'", DECLARED)
     control = folder / 'masmc_ros/loop/control.py'
-    insert(control, "    put(signals, 'singular'", COMPUTED)
+    insert(control, "    signals.singular =", COMPUTED)
     insert(control, 'from typing import Any\n', IMPORTED, after=True)
     # Without JIT the inserted lines need no compilation; the results are bitwise identical.
     variables = {**child_environment(), 'PYTHONPATH': str(folder), 'NUMBA_DISABLE_JIT': '1'}

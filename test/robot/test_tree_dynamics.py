@@ -16,6 +16,7 @@ from helpers.robots import DEFAULT, Machine, machines
 from helpers.tree_bits import adapted_digest, digest, model_of
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.robot.robot import robot_description
 from masmc_ros.robot.tree import articulated, dynamics, kinematics
 from masmc_ros.robot.tree.assembly import pseudo_inertia, tree_robot
@@ -276,7 +277,7 @@ def test_tree_lane_among_others_equals_single_robot(robot: Drawn) -> None:
     together.__dict__.update(robot.__dict__)
     numbers = robot.model.numbers
     others = 1.0 + 2.0 * numbers
-    together.model = TreeModel(np.hstack([others, numbers, others]), 1)
+    together.model = TreeModel(lane_of(np.stack([others, numbers, others], 1), 1))
     moved = robot.velocity, robot.reference, robot.acceleration
     forces = robot.forces(*moved)
     assert together.forces(*moved).tobytes() == forces.tobytes()

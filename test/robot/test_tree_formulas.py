@@ -82,9 +82,9 @@ class Drawn:
         values = {p.name: p.default for p in self.mechanism.parameters} | values
         self.values = values | {f'robot.{name}': value for name, value in settings_.items()}
         self.robot = robot_of(self.values)
-        numbers = self.robot.geometry[:, None]
-        axes = axes_of(numbers, 0, (0.0,) * len(self.mechanism.axes))
-        self.model = TreeModel(numbers, 0, axes)
+        numbers = self.robot.geometry
+        axes = axes_of(numbers, (0.0,) * len(self.mechanism.axes))
+        self.model = TreeModel(numbers, axes)
         draw = np.random.default_rng(seed)
         self.position = np.array([0.0, 0.0, 0.0, *nominal_posture])
         self.position += draw.uniform(-0.3, 0.3, len(self.position))

@@ -15,18 +15,17 @@ H of the nominal model, and
 from __future__ import annotations
 
 import math
-from typing import Any
 
+from masmc_ros.law import fields
 from masmc_ros.law.law import Law, register
 from masmc_ros.law.parts.adaptation import adapt_along, project, tracking_gradient
 from masmc_ros.law.parts.last_period import last_regressor
 from masmc_ros.law.rasmc import RASMC
 from masmc_ros.law.reaching.reaching import correct
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.aliases import Joints, Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import minus
 from masmc_ros.numerics.tuples import dot, elementwise
 from masmc_ros.params.declaration import Parameter
@@ -63,6 +62,21 @@ MEMORY = (
 )
 
 
+class Settings(fields.Settings):
+    """Settings of the law."""
+
+    composite_adaptation_kappa: float
+    composite_adaptation_rate: float
+
+
+class Memory(fields.Memory):
+    """Memory of the law."""
+
+    composite_adaptation_error: Joints
+    composite_adaptation_torque: Joints
+    composite_adaptation_velocity: Joints
+
+
 @formula
 def _finite(value: float, instead: float) -> float:
     return value if value == value else instead
@@ -84,44 +98,44 @@ def _sum(tracking: float, prediction: float, weight: float) -> float:
 
 
 @formula
-def _gradient(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+def _gradient(settings: Settings, tick: Tick, memory: Memory) -> Numbers:
     """Return Y' sigma + kappa W' epsilon_f, and store epsilon_f."""
-    before = get(memory, 'composite_adaptation_velocity', lane)
+    before = memory.composite_adaptation_velocity
     w = last_regressor(tick, elementwise(_finite, before, tick.velocity))
     h = mechanism.inertia(tick.model, tick.posture, tick.nominal)
-    forces = mechanism.forces(tick.model, get(memory, 'composite_adaptation_torque', lane))
-    predicted = mechanism.regressor_times(tick.model, w, get(memory, 'estimate', lane))
+    forces = mechanism.forces(tick.model, memory.composite_adaptation_torque)
+    predicted = mechanism.regressor_times(tick.model, w, memory.estimate)
     error = mechanism.inertia_solve(tick.model, h, elementwise(minus, predicted, forces))
-    gain = tick.period * get(settings, 'composite_adaptation_rate', lane)
+    gain = tick.period * settings.composite_adaptation_rate
     error = elementwise(
         _filtered,
-        get(memory, 'composite_adaptation_error', lane),
+        memory.composite_adaptation_error,
         error,
         gain / (1.0 + gain),
         before[0] == before[0],
     )
-    put(memory, 'composite_adaptation_error', lane, error)
+    memory.composite_adaptation_error = error
     prediction = mechanism.regressor_transpose_times(tick.model, w, error, tick.nominal)
     # An explicit step along W' epsilon overshoots at large accelerations. The gain
     # kappa / (1 + T kappa q), with the curvature q along the step, stops it at the minimum.
-    step = elementwise(_divided, prediction, get(settings, 'gamma', lane))
+    step = elementwise(_divided, prediction, settings.gamma)
     change = mechanism.regressor_times(tick.model, w, step)
     curvature = dot(change, mechanism.inertia_solve(tick.model, h, change))
     slope = dot(prediction, step)
-    kappa = get(settings, 'composite_adaptation_kappa', lane)
+    kappa = settings.composite_adaptation_kappa
     whole = slope + tick.period * kappa * curvature
     weight = kappa * slope / (whole if whole > 0.0 else 1.0)
     return elementwise(_sum, tracking_gradient(tick), prediction, weight)
 
 
 @formula
-def learn(settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, held: Numbers) -> None:
+def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, held: Joints) -> None:
     """Correct the prediction of the reaching term, and adapt."""
-    correct(settings, tick, memory, lane, raw, held)
-    gradient = _gradient(settings, tick, memory, lane)
-    adapt_along(settings, tick, memory, lane, raw, held, gradient)
-    put(memory, 'composite_adaptation_torque', lane, held)
-    put(memory, 'composite_adaptation_velocity', lane, tick.velocity)
+    correct(settings, tick, memory, raw, held)
+    gradient = _gradient(settings, tick, memory)
+    adapt_along(settings, tick, memory, raw, held, gradient)
+    memory.composite_adaptation_torque = held
+    memory.composite_adaptation_velocity = tick.velocity
 
 
 COMPOSITE_ADAPTATION = register(

@@ -20,18 +20,19 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from masmc_ros.law import fields
 from masmc_ros.law.law import Law, register
 from masmc_ros.law.parts.adaptation import adapt_along, project, tracking_gradient
 from masmc_ros.law.parts.last_period import last_regressor
 from masmc_ros.law.rasmc import RASMC
 from masmc_ros.law.reaching.reaching import correct
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.aliases import Joints, Numbers, Parameters
 from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.elimination import factor, solve, solve_definite
 from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.record import get, put
+from masmc_ros.numerics.lanes import in_place
 from masmc_ros.numerics.scalars import plus
 from masmc_ros.numerics.tuples import elementwise, from_index, unit
 from masmc_ros.params.declaration import Parameter
@@ -93,6 +94,29 @@ _ITERATIONS = 30
 _ROUNDING = 1.0e-9
 
 
+class Settings(fields.Settings):
+    """Settings of the law."""
+
+    concurrent_learning_kappa: float
+    concurrent_learning_interval: float
+    concurrent_learning_forgetting: float
+
+
+class Memory(fields.Memory):
+    """Memory of the law."""
+
+    concurrent_learning_information: Numbers
+    concurrent_learning_vector: Parameters
+    concurrent_learning_stack: Numbers
+    concurrent_learning_targets: Numbers
+    concurrent_learning_count: float
+    concurrent_learning_motion: Numbers
+    concurrent_learning_impulse: Joints
+    concurrent_learning_elapsed: float
+    concurrent_learning_torque: Joints
+    concurrent_learning_velocity: Joints
+
+
 @formula
 def _row(arguments: tuple[Any, Any, Numbers, Numbers], i: int) -> Numbers:
     """Return row i of W."""
@@ -108,68 +132,65 @@ def _inertia_column(arguments: tuple[Any, Any, Numbers], i: int) -> Numbers:
 
 
 @formula
-def _record(settings: Any, tick: Tick, memory: Any, lane: int, before: Numbers) -> None:
+def _record(settings: Settings, tick: Tick, memory: Memory, before: Numbers) -> None:
     """Add the last period to the current interval, and record a point at its end."""
     w = last_regressor(tick, before)
     v = tick.velocity
     _accumulate(
         memory,
-        lane,
         tick.period,
         from_index(_row, v, (tick.model, w, tick.nominal, v)),
-        mechanism.forces(tick.model, get(memory, 'concurrent_learning_torque', lane)),
+        mechanism.forces(tick.model, memory.concurrent_learning_torque),
     )
-    elapsed = get(memory, 'concurrent_learning_elapsed', lane) + tick.period
-    put(memory, 'concurrent_learning_elapsed', lane, elapsed)
-    if elapsed > get(settings, 'concurrent_learning_interval', lane) * (1.0 - _ROUNDING):
+    elapsed = memory.concurrent_learning_elapsed + tick.period
+    memory.concurrent_learning_elapsed = elapsed
+    if elapsed > settings.concurrent_learning_interval * (1.0 - _ROUNDING):
         h = mechanism.inertia(tick.model, tick.posture, tick.nominal)
-        fading = 0.5 * elapsed * get(settings, 'concurrent_learning_forgetting', lane)
-        _fade(memory, lane, 1.0 / (1.0 + fading))
+        fading = 0.5 * elapsed * settings.concurrent_learning_forgetting
+        _fade(memory, 1.0 / (1.0 + fading))
         _record_point(
             memory,
-            lane,
             elapsed,
             from_index(_inertia_column, v, (tick.model, h, v)),
-            get(settings, 'gamma', lane),
+            settings.gamma,
         )
-        _restart(memory, lane)
+        _restart(memory)
 
 
 @kernel
-def _restart(memory: Any, lane: int) -> None:
+def _restart(memory: Memory) -> None:
     """Start a new interval."""
-    memory['concurrent_learning_elapsed'][lane] = 0.0
-    memory['concurrent_learning_motion'][:, lane] = 0.0
-    memory['concurrent_learning_impulse'][:, lane] = 0.0
+    memory.concurrent_learning_elapsed = 0.0
+    in_place(memory, 'concurrent_learning_motion')[:] = 0.0
+    in_place(memory, 'concurrent_learning_impulse')[:] = 0.0
 
 
 @kernel
-def _accumulate(
-    memory: Any, lane: int, period: float, rows: tuple[Numbers, ...], forces: Numbers
-) -> None:
+def _accumulate(memory: Memory, period: float, rows: tuple[Numbers, ...], forces: Numbers) -> None:
     """Add W and f of a period to their integrals."""
-    motion = memory['concurrent_learning_motion']
-    impulse = memory['concurrent_learning_impulse']
+    motion = in_place(memory, 'concurrent_learning_motion')
+    impulse = in_place(memory, 'concurrent_learning_impulse')
     p = len(rows[0])
     for i in range(len(forces)):
-        impulse[i, lane] += period * forces[i]
+        impulse[i] += period * forces[i]
         for j in range(p):
-            motion[i * p + j, lane] += period * rows[i][j]
+            motion[i * p + j] += period * rows[i][j]
 
 
 @kernel
-def _fade(memory: Any, lane: int, kept: float) -> None:
+def _fade(memory: Memory, kept: float) -> None:
     """Scale all points of the stack."""
-    stack, targets = memory['concurrent_learning_stack'], memory['concurrent_learning_targets']
+    stack = in_place(memory, 'concurrent_learning_stack')
+    targets = in_place(memory, 'concurrent_learning_targets')
     for i in range(len(stack)):
-        stack[i, lane] *= kept
+        stack[i] *= kept
     for i in range(len(targets)):
-        targets[i, lane] *= kept
+        targets[i] *= kept
 
 
 @kernel
 def _record_point(
-    memory: Any, lane: int, elapsed: float, inertia: tuple[Numbers, ...], gamma: Numbers
+    memory: Memory, elapsed: float, inertia: tuple[Numbers, ...], gamma: Numbers
 ) -> None:
     """
     Record the mean of the interval if it improves the stack, and update A and b.
@@ -188,16 +209,17 @@ def _record_point(
         Diagonal of Gamma.
 
     """
-    stack, targets = memory['concurrent_learning_stack'], memory['concurrent_learning_targets']
-    motion = memory['concurrent_learning_motion']
-    impulse = memory['concurrent_learning_impulse']
+    stack = in_place(memory, 'concurrent_learning_stack')
+    targets = in_place(memory, 'concurrent_learning_targets')
+    motion = in_place(memory, 'concurrent_learning_motion')
+    impulse = in_place(memory, 'concurrent_learning_impulse')
     n, p = len(inertia), len(gamma)
     size = n * p
     point, target, factored = np.empty(size), np.empty(n), np.empty((n, n))
     for i in range(n):
-        target[i] = impulse[i, lane] / elapsed
+        target[i] = impulse[i] / elapsed
         for j in range(p):
-            point[i * p + j] = motion[i * p + j, lane] / elapsed
+            point[i * p + j] = motion[i * p + j] / elapsed
         for k in range(n):
             factored[i, k] = inertia[k][i]
     factor(factored)
@@ -211,39 +233,39 @@ def _record_point(
         target[i] *= weight
         for j in range(p):
             point[i * p + j] *= weight
-    count = int(memory['concurrent_learning_count'][lane])
-    place = _place_to_fill(stack, lane, count, point)
+    count = int(memory.concurrent_learning_count)
+    place = _place_to_fill(stack, count, point)
     if count == POINTS:
-        place = _place_to_replace(stack, lane, point, gamma)
+        place = _place_to_replace(stack, point, gamma)
     elif place == count:
-        memory['concurrent_learning_count'][lane] = count + 1
+        memory.concurrent_learning_count = count + 1
     if place >= 0:
         for i in range(size):
-            stack[place * size + i, lane] = point[i]
+            stack[place * size + i] = point[i]
         for i in range(n):
-            targets[place * n + i, lane] = target[i]
-    information = memory['concurrent_learning_information']
-    vector = memory['concurrent_learning_vector']
+            targets[place * n + i] = target[i]
+    information = in_place(memory, 'concurrent_learning_information')
+    vector = in_place(memory, 'concurrent_learning_vector')
     for j in range(p):
         total = 0.0
         for row in range(POINTS * n):
-            total += stack[row * p + j, lane] * targets[row, lane]
-        vector[j, lane] = total
+            total += stack[row * p + j] * targets[row]
+        vector[j] = total
         for k in range(p):
-            information[j * p + k, lane] = _information(stack, lane, POINTS * n, p, j, k)
+            information[j * p + k] = _information(stack, POINTS * n, p, j, k)
 
 
 @kernel
-def _information(stack: Any, lane: int, rows: int, p: int, j: int, k: int) -> float:
+def _information(stack: Any, rows: int, p: int, j: int, k: int) -> float:
     """Return entry j, k of A of a stack with this number of rows."""
     total = 0.0
     for row in range(rows):
-        total += stack[row * p + j, lane] * stack[row * p + k, lane]
+        total += stack[row * p + j] * stack[row * p + k]
     return total
 
 
 @kernel
-def _place_to_fill(stack: Any, lane: int, count: int, point: Any) -> int:
+def _place_to_fill(stack: Any, count: int, point: Any) -> int:
     """Return the next place of the stack if a point differs from all recorded ones, or -1."""
     size, square = len(point), 0.0
     for i in range(size):
@@ -251,7 +273,7 @@ def _place_to_fill(stack: Any, lane: int, count: int, point: Any) -> int:
     for k in range(count):
         distance = 0.0
         for i in range(size):
-            change = point[i] - stack[k * size + i, lane]
+            change = point[i] - stack[k * size + i]
             distance += change * change
         if distance <= _NOVELTY * square:
             return -1
@@ -259,14 +281,14 @@ def _place_to_fill(stack: Any, lane: int, count: int, point: Any) -> int:
 
 
 @kernel
-def _place_to_replace(stack: Any, lane: int, point: Any, gamma: Numbers) -> int:
+def _place_to_replace(stack: Any, point: Any, gamma: Numbers) -> int:
     """Return the place at which a point makes the smallest eigenvalue largest, or -1."""
     p, size = len(gamma), len(point)
     n = size // p
     whole = np.empty((p, p))
     for j in range(p):
         for k in range(p):
-            whole[j, k] = _information(stack, lane, POINTS * n, p, j, k)
+            whole[j, k] = _information(stack, POINTS * n, p, j, k)
     best, place = smallest_eigenvalue(whole, gamma) * (1.0 + _ROUNDING), -1
     changed = np.empty((p, p))
     for number in range(POINTS):
@@ -276,7 +298,7 @@ def _place_to_replace(stack: Any, lane: int, point: Any, gamma: Numbers) -> int:
                 for i in range(n):
                     old = number * size + i * p
                     total += point[i * p + j] * point[i * p + k]
-                    total -= stack[old + j, lane] * stack[old + k, lane]
+                    total -= stack[old + j] * stack[old + k]
                 changed[j, k] = total
         value = smallest_eigenvalue(changed, gamma)
         if value > best:
@@ -323,20 +345,20 @@ def smallest_eigenvalue(matrix: Any, gamma: Numbers) -> float:
 
 
 @kernel
-def _recalled(memory: Any, lane: int, theta: Numbers, gamma: Numbers, weight: float) -> Numbers:
+def _recalled(memory: Memory, theta: Numbers, gamma: Numbers, weight: float) -> Numbers:
     """
     Return Gamma (theta - theta+) for theta+ after an implicit step with `weight` T kappa.
 
     (Gamma + T kappa A) (theta+ - theta) = T kappa (b - A theta).
     """
-    information = memory['concurrent_learning_information']
-    vector = memory['concurrent_learning_vector']
+    information = in_place(memory, 'concurrent_learning_information')
+    vector = in_place(memory, 'concurrent_learning_vector')
     n = len(theta)
     work = np.empty((n, n + 1))
     for i in range(n):
-        residual = vector[i, lane]
+        residual = vector[i]
         for j in range(n):
-            entry = information[i * n + j, lane]
+            entry = information[i * n + j]
             residual -= entry * theta[j]
             work[i, j] = weight * entry
         work[i, i] += gamma[i]
@@ -353,26 +375,25 @@ def _rate(change: float, period: float) -> float:
 
 
 @formula
-def learn(settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, held: Numbers) -> None:
+def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, held: Joints) -> None:
     """Correct the prediction of the reaching term, record, and adapt."""
-    correct(settings, tick, memory, lane, raw, held)
-    before = get(memory, 'concurrent_learning_velocity', lane)
+    correct(settings, tick, memory, raw, held)
+    before = memory.concurrent_learning_velocity
     if before[0] == before[0]:
-        _record(settings, tick, memory, lane, before)
+        _record(settings, tick, memory, before)
     else:
-        _restart(memory, lane)
+        _restart(memory)
     recalled = _recalled(
         memory,
-        lane,
-        get(memory, 'estimate', lane),
-        get(settings, 'gamma', lane),
-        tick.period * get(settings, 'concurrent_learning_kappa', lane),
+        memory.estimate,
+        settings.gamma,
+        tick.period * settings.concurrent_learning_kappa,
     )
     recalled_rate = elementwise(_rate, recalled, tick.period)
     gradient = elementwise(plus, tracking_gradient(tick), recalled_rate)
-    adapt_along(settings, tick, memory, lane, raw, held, gradient)
-    put(memory, 'concurrent_learning_torque', lane, held)
-    put(memory, 'concurrent_learning_velocity', lane, tick.velocity)
+    adapt_along(settings, tick, memory, raw, held, gradient)
+    memory.concurrent_learning_torque = held
+    memory.concurrent_learning_velocity = tick.velocity
 
 
 CONCURRENT_LEARNING = register(

@@ -14,8 +14,7 @@ Man, and Cybernetics A 33, 2003; reference [8] of the paper.
 
 from __future__ import annotations
 
-from typing import Any
-
+from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.law import Law, register
 from masmc_ros.law.parts.adaptation import project
@@ -30,10 +29,10 @@ from masmc_ros.law.parts.fuzzy_sets import (
 from masmc_ros.law.parts.model import ESTIMATE, model_torque
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.aliases import Axes, Joints, Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.record import get
+from masmc_ros.numerics.lanes import in_place
 from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.params.declaration import Parameter
 
@@ -66,6 +65,21 @@ MEMORY = (
 )
 
 
+class Settings(fields.Settings):
+    """Settings of the law."""
+
+    fuzzy_gain_a: Axes
+    fuzzy_gain_gamma: Axes
+    fuzzy_gain_span: float
+    fuzzy_gain_leak: float
+
+
+class Memory(fields.Memory):
+    """Memory of the law."""
+
+    fuzzy_gain_theta: Numbers
+
+
 @formula
 def _degrees(s: float, span: float) -> Numbers:
     """Return psi(s)."""
@@ -79,29 +93,27 @@ def _force(s: float, a: float, k: float) -> float:
 
 
 @formula
-def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
     """Return the joints' torques in N m."""
-    degrees = elementwise(_degrees, tick.surface, get(settings, 'fuzzy_gain_span', lane))
-    k = mean_of_rules(memory['fuzzy_gain_theta'], lane, degrees, elementwise(alone, tick.surface))
-    u = elementwise(_force, tick.surface, get(settings, 'fuzzy_gain_a', lane), k)
-    return model_torque(tick, get(memory, 'estimate', lane), u)
+    degrees = elementwise(_degrees, tick.surface, settings.fuzzy_gain_span)
+    others = elementwise(alone, tick.surface)
+    k = mean_of_rules(in_place(memory, 'fuzzy_gain_theta'), degrees, others)
+    u = elementwise(_force, tick.surface, settings.fuzzy_gain_a, k)
+    return model_torque(tick, memory.estimate, u)
 
 
 @formula
-def learn(
-    settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
-) -> None:
+def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: Joints) -> None:
     """Adapt the rules, except while the torque is limited, to avoid wind-up."""
     if torque == raw:
-        degrees = elementwise(_degrees, tick.surface, get(settings, 'fuzzy_gain_span', lane))
-        gamma = get(settings, 'fuzzy_gain_gamma', lane)
+        degrees = elementwise(_degrees, tick.surface, settings.fuzzy_gain_span)
+        gamma = settings.fuzzy_gain_gamma
         train_rules(
-            memory['fuzzy_gain_theta'],
-            lane,
+            in_place(memory, 'fuzzy_gain_theta'),
             degrees,
             elementwise(alone, tick.surface),
             elementwise(learning_step, tick.surface, gamma, tick.period),
-            tick.period * get(settings, 'fuzzy_gain_leak', lane),
+            tick.period * settings.fuzzy_gain_leak,
         )
 
 

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.law import Law, register
 from masmc_ros.law.parts.adaptation import project
@@ -37,10 +38,10 @@ from masmc_ros.law.parts.inverse_dynamics import rate_error
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.aliases import Joints, Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.record import get
+from masmc_ros.numerics.lanes import in_place
 from masmc_ros.numerics.tuples import dot, elementwise
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
@@ -92,6 +93,26 @@ MEMORY = (
 )
 
 
+class Settings(fields.Settings):
+    """Settings of the law."""
+
+    fuzzy_model_k: Joints
+    fuzzy_model_k_h: Joints
+    fuzzy_model_gamma: Joints
+    fuzzy_model_gamma_h: Joints
+    fuzzy_model_leak: float
+    fuzzy_model_velocity_span: Joints
+    fuzzy_model_acceleration_span: Joints
+    fuzzy_model_error_span: Joints
+
+
+class Memory(fields.Memory):
+    """Memory of the law."""
+
+    fuzzy_model_theta: Numbers
+    fuzzy_model_eta: Numbers
+
+
 @formula
 def _five(x: float, span: float) -> Numbers:
     """Return the membership of x in each of the FIVE triangular sets."""
@@ -107,14 +128,14 @@ def _seven(x: float, span: float) -> Numbers:
 
 
 @formula
-def _inputs(settings: Any, tick: Tick, lane: int, z: Numbers) -> Any:
+def _inputs(settings: Settings, tick: Tick, z: Numbers) -> Any:
     """Return the memberships of both inputs of the model, and those of switching."""
     rates = mechanism.joint_rates(tick.model, tick.reference_velocity)
     derivative = mechanism.joint_rates(tick.model, tick.reference_acceleration)
     return (
-        elementwise(_five, rates, get(settings, 'fuzzy_model_velocity_span', lane)),
-        elementwise(_five, derivative, get(settings, 'fuzzy_model_acceleration_span', lane)),
-        elementwise(_seven, z, get(settings, 'fuzzy_model_error_span', lane)),
+        elementwise(_five, rates, settings.fuzzy_model_velocity_span),
+        elementwise(_five, derivative, settings.fuzzy_model_acceleration_span),
+        elementwise(_seven, z, settings.fuzzy_model_error_span),
     )
 
 
@@ -130,46 +151,42 @@ def _held(modelled: float, z: float, k: float, switched: float) -> float:
 
 
 @formula
-def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
     """Return the joints' torques in N m."""
     z = rate_error(tick)
-    first, second, third = _inputs(settings, tick, lane, z)
+    first, second, third = _inputs(settings, tick, z)
     return elementwise(
         _held,
-        mean_of_rules(memory['fuzzy_model_theta'], lane, first, second),
+        mean_of_rules(in_place(memory, 'fuzzy_model_theta'), first, second),
         z,
-        get(settings, 'fuzzy_model_k', lane),
+        settings.fuzzy_model_k,
         elementwise(
             _switched,
             third,
-            get(settings, 'fuzzy_model_k_h', lane),
-            mean_of_rules(memory['fuzzy_model_eta'], lane, third, elementwise(alone, z)),
+            settings.fuzzy_model_k_h,
+            mean_of_rules(in_place(memory, 'fuzzy_model_eta'), third, elementwise(alone, z)),
         ),
     )
 
 
 @formula
-def learn(
-    settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
-) -> None:
+def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: Joints) -> None:
     """Adapt all rules, except while the torque is limited, to avoid wind-up."""
     if torque == raw:
         z = rate_error(tick)
-        first, second, third = _inputs(settings, tick, lane, z)
-        gamma = get(settings, 'fuzzy_model_gamma', lane)
-        gamma_h = get(settings, 'fuzzy_model_gamma_h', lane)
-        pull = tick.period * get(settings, 'fuzzy_model_leak', lane)
+        first, second, third = _inputs(settings, tick, z)
+        gamma = settings.fuzzy_model_gamma
+        gamma_h = settings.fuzzy_model_gamma_h
+        pull = tick.period * settings.fuzzy_model_leak
         train_rules(
-            memory['fuzzy_model_theta'],
-            lane,
+            in_place(memory, 'fuzzy_model_theta'),
             first,
             second,
             elementwise(learning_step, z, gamma, -tick.period),
             pull,
         )
         train_rules(
-            memory['fuzzy_model_eta'],
-            lane,
+            in_place(memory, 'fuzzy_model_eta'),
             third,
             elementwise(alone, z),
             elementwise(learning_step, z, gamma_h, tick.period),

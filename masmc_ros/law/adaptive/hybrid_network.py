@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.law import Law, register
 from masmc_ros.law.parts.adaptation import project
@@ -34,10 +35,10 @@ from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.reaching.saturation import saturation
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.aliases import Joints, Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.record import get, put
+from masmc_ros.numerics.lanes import in_place
 from masmc_ros.numerics.scalars import minus
 from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.params.declaration import Parameter
@@ -89,6 +90,25 @@ MEMORY = (
 )
 
 
+class Settings(fields.Settings):
+    """Settings of the law."""
+
+    hybrid_network_k: Joints
+    hybrid_network_gamma: Joints
+    hybrid_network_rate: Joints
+    hybrid_network_delta: Joints
+    hybrid_network_leak: float
+    hybrid_network_velocity_span: Joints
+    hybrid_network_error_span: Joints
+
+
+class Memory(fields.Memory):
+    """Memory of the law."""
+
+    hybrid_network_weights: Numbers
+    hybrid_network_robust: Joints
+
+
 @formula
 def _sets(x: float, span: float) -> Numbers:
     degrees: Numbers = gaussian(x / span, FIVE)
@@ -96,12 +116,12 @@ def _sets(x: float, span: float) -> Numbers:
 
 
 @formula
-def _inputs(settings: Any, tick: Tick, lane: int, z: Numbers) -> Any:
+def _inputs(settings: Settings, tick: Tick, z: Numbers) -> Any:
     """Return the memberships of both inputs."""
     rates = mechanism.joint_rates(tick.model, tick.reference_velocity)
     return (
-        elementwise(_sets, rates, get(settings, 'hybrid_network_velocity_span', lane)),
-        elementwise(_sets, z, get(settings, 'hybrid_network_error_span', lane)),
+        elementwise(_sets, rates, settings.hybrid_network_velocity_span),
+        elementwise(_sets, z, settings.hybrid_network_error_span),
     )
 
 
@@ -112,52 +132,47 @@ def _correction(z: float, k: float, network: float, robust: float, delta: float)
 
 
 @formula
-def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
     """Return the joints' torques in N m."""
     z = rate_error(tick)
-    first, second = _inputs(settings, tick, lane, z)
+    first, second = _inputs(settings, tick, z)
     correction = elementwise(
         _correction,
         z,
-        get(settings, 'hybrid_network_k', lane),
-        mean_of_rules(memory['hybrid_network_weights'], lane, first, second),
-        get(memory, 'hybrid_network_robust', lane),
-        get(settings, 'hybrid_network_delta', lane),
+        settings.hybrid_network_k,
+        mean_of_rules(in_place(memory, 'hybrid_network_weights'), first, second),
+        memory.hybrid_network_robust,
+        settings.hybrid_network_delta,
     )
     a = elementwise(minus, tick.reference_acceleration, mechanism.motion(tick.model, correction))
-    f = model_forces(tick, get(memory, 'estimate', lane), a)
+    f = model_forces(tick, memory.estimate, a)
     return mechanism.joint_torques(tick.model, f)
 
 
 @formula
-def learn(
-    settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
-) -> None:
+def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: Joints) -> None:
     """Adapt rules and robust gain, except while the torque is limited, to avoid wind-up."""
     if torque == raw:
         z = rate_error(tick)
-        first, second = _inputs(settings, tick, lane, z)
-        leak = get(settings, 'hybrid_network_leak', lane)
+        first, second = _inputs(settings, tick, z)
+        leak = settings.hybrid_network_leak
         train_rules(
-            memory['hybrid_network_weights'],
-            lane,
+            in_place(memory, 'hybrid_network_weights'),
             first,
             second,
-            elementwise(
-                learning_step, z, get(settings, 'hybrid_network_gamma', lane), tick.period
-            ),
+            elementwise(learning_step, z, settings.hybrid_network_gamma, tick.period),
             tick.period * leak,
         )
         robust = elementwise(
             grown,
-            get(memory, 'hybrid_network_robust', lane),
+            memory.hybrid_network_robust,
             z,
-            get(settings, 'hybrid_network_rate', lane),
-            get(settings, 'hybrid_network_delta', lane),
+            settings.hybrid_network_rate,
+            settings.hybrid_network_delta,
             leak,
             tick.period,
         )
-        put(memory, 'hybrid_network_robust', lane, robust)
+        memory.hybrid_network_robust = robust
 
 
 HYBRID_NETWORK = register(

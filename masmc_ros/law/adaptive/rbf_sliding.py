@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.law import Law, register
 from masmc_ros.law.parts.adaptation import project
@@ -33,10 +34,10 @@ from masmc_ros.law.parts.surface import reference_acceleration, reference_veloci
 from masmc_ros.law.reaching.reaching import BOUNDARY_LAYER, reaching_force
 from masmc_ros.law.reaching.saturation import saturation
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.aliases import Axes, Joints, Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.record import get
+from masmc_ros.numerics.lanes import in_place
 from masmc_ros.numerics.scalars import plus
 from masmc_ros.numerics.tuples import dot, elementwise
 from masmc_ros.params.declaration import Parameter
@@ -85,6 +86,23 @@ PARAMETERS = (
 MEMORY = (ESTIMATE, Field('rbf_sliding_weights', ('axes', RULES), 'W', 'N'))
 
 
+class Settings(fields.Settings):
+    """Settings of the law."""
+
+    rbf_sliding_k: Axes
+    rbf_sliding_k_s: Axes
+    rbf_sliding_rate: float
+    rbf_sliding_nu: float
+    rbf_sliding_velocity_span: float
+    rbf_sliding_acceleration_span: float
+
+
+class Memory(fields.Memory):
+    """Memory of the law."""
+
+    rbf_sliding_weights: Numbers
+
+
 @formula
 def _velocity(desired: float, error: float, sigma: float, span: float) -> Numbers:
     """Return the functions of xdot_r of one axis."""
@@ -100,11 +118,11 @@ def _acceleration(desired: float, rate: float, sigma: float, span: float) -> Num
 
 
 @formula
-def _inputs(settings: Any, tick: Tick, lane: int) -> Any:
+def _inputs(settings: Settings, tick: Tick) -> Any:
     """Return the memberships of both inputs, for all axes."""
-    sigma = get(settings, 'sigma', lane)
-    velocity_span = get(settings, 'rbf_sliding_velocity_span', lane)
-    acceleration_span = get(settings, 'rbf_sliding_acceleration_span', lane)
+    sigma = settings.sigma
+    velocity_span = settings.rbf_sliding_velocity_span
+    acceleration_span = settings.rbf_sliding_acceleration_span
     return (
         elementwise(_velocity, tick.desired_velocity, tick.error, sigma, velocity_span),
         elementwise(
@@ -118,36 +136,33 @@ def _inputs(settings: Any, tick: Tick, lane: int) -> Any:
 
 
 @formula
-def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
     """Return the joints' torques in N m."""
-    first, second = _inputs(settings, tick, lane)
-    network = mean_of_rules(memory['rbf_sliding_weights'], lane, first, second)
+    first, second = _inputs(settings, tick)
+    network = mean_of_rules(in_place(memory, 'rbf_sliding_weights'), first, second)
     reaching = elementwise(
         reaching_force,
         tick.surface,
-        get(settings, 'rbf_sliding_k', lane),
-        get(settings, 'rbf_sliding_k_s', lane),
-        elementwise(saturation, tick.surface, get(settings, 'boundary_layer', lane)),
+        settings.rbf_sliding_k,
+        settings.rbf_sliding_k_s,
+        elementwise(saturation, tick.surface, settings.boundary_layer),
     )
-    return model_torque(tick, get(memory, 'estimate', lane), elementwise(plus, network, reaching))
+    return model_torque(tick, memory.estimate, elementwise(plus, network, reaching))
 
 
 @formula
-def learn(
-    settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
-) -> None:
+def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: Joints) -> None:
     """Train the networks, except while the torque is limited, to avoid wind-up."""
     if torque == raw:
-        first, second = _inputs(settings, tick, lane)
-        rate = get(settings, 'rbf_sliding_rate', lane)
+        first, second = _inputs(settings, tick)
+        rate = settings.rbf_sliding_rate
         distance = math.sqrt(dot(tick.surface, tick.surface))
         train_rules(
-            memory['rbf_sliding_weights'],
-            lane,
+            in_place(memory, 'rbf_sliding_weights'),
             first,
             second,
             elementwise(learning_step, tick.surface, -rate, tick.period),
-            tick.period * rate * get(settings, 'rbf_sliding_nu', lane) * distance,
+            tick.period * rate * settings.rbf_sliding_nu * distance,
         )
 
 

@@ -13,8 +13,7 @@ where v_r and a_r of (14), an outer kinematic loop of bandwidth sigma, replace d
 
 from __future__ import annotations
 
-from typing import Any
-
+from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.law import Law, register
 from masmc_ros.law.parts.adaptation import project
@@ -23,10 +22,9 @@ from masmc_ros.law.parts.inverse_dynamics import limited_motion, model_forces, r
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.aliases import Joints
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import minus
 from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot import mechanism
@@ -43,6 +41,19 @@ MEMORY = (
 )
 
 
+class Settings(fields.Settings):
+    """Settings of the law."""
+
+    computed_torque_k_d: Joints
+    computed_torque_k_p: Joints
+
+
+class Memory(fields.Memory):
+    """Memory of the law."""
+
+    computed_torque_integral: Joints
+
+
 @formula
 def _corrected(z: float, w: float, k_d: float, k_p: float) -> float:
     """Return K_d z + K_p w of one joint."""
@@ -50,35 +61,33 @@ def _corrected(z: float, w: float, k_d: float, k_p: float) -> float:
 
 
 @formula
-def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
     """Return the joints' torques in N m."""
     correction = elementwise(
         _corrected,
         rate_error(tick),
-        get(memory, 'computed_torque_integral', lane),
-        get(settings, 'computed_torque_k_d', lane),
-        get(settings, 'computed_torque_k_p', lane),
+        memory.computed_torque_integral,
+        settings.computed_torque_k_d,
+        settings.computed_torque_k_p,
     )
     a = elementwise(minus, tick.reference_acceleration, mechanism.motion(tick.model, correction))
     return mechanism.joint_torques(tick.model, model_forces(tick, tick.nominal, a))
 
 
 @formula
-def learn(
-    settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
-) -> None:
+def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: Joints) -> None:
     """Integrate the velocity error, with back-calculation from the commanded torque."""
     a = limited_motion(tick, tick.nominal, raw, torque)
     w = elementwise(
         integrated,
-        get(memory, 'computed_torque_integral', lane),
+        memory.computed_torque_integral,
         rate_error(tick),
         mechanism.joint_rates(tick.model, a),
-        get(settings, 'computed_torque_k_d', lane),
-        get(settings, 'computed_torque_k_p', lane),
+        settings.computed_torque_k_d,
+        settings.computed_torque_k_p,
         tick.period,
     )
-    put(memory, 'computed_torque_integral', lane, w)
+    memory.computed_torque_integral = w
 
 
 COMPUTED_TORQUE = register(

@@ -14,8 +14,7 @@ source has 0.
 
 from __future__ import annotations
 
-from typing import Any
-
+from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.law import Law, register
 from masmc_ros.law.parts.adaptation import project
@@ -27,10 +26,9 @@ from masmc_ros.law.parts.inverse_dynamics import (
 )
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.aliases import Axes, Joints
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.tuples import elementwise
 
 PARAMETERS = (
@@ -45,6 +43,20 @@ MEMORY = (
 )
 
 
+class Settings(fields.Settings):
+    """Settings of the law."""
+
+    nonlinear_feedback_k_p: Axes
+    nonlinear_feedback_k_d: Axes
+    nonlinear_feedback_k_i: Axes
+
+
+class Memory(fields.Memory):
+    """Memory of the law."""
+
+    nonlinear_feedback_integral: Axes
+
+
 @formula
 def _with_integral(acceleration: float, k_i: float, w: float) -> float:
     """Return xddot_c of one axis."""
@@ -52,36 +64,30 @@ def _with_integral(acceleration: float, k_i: float, w: float) -> float:
 
 
 @formula
-def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
     """Return the joints' torques in N m."""
     acceleration = elementwise(
         _with_integral,
-        spring(
-            tick,
-            get(settings, 'nonlinear_feedback_k_d', lane),
-            get(settings, 'nonlinear_feedback_k_p', lane),
-        ),
-        get(settings, 'nonlinear_feedback_k_i', lane),
-        get(memory, 'nonlinear_feedback_integral', lane),
+        spring(tick, settings.nonlinear_feedback_k_d, settings.nonlinear_feedback_k_p),
+        settings.nonlinear_feedback_k_i,
+        memory.nonlinear_feedback_integral,
     )
     return acceleration_torque(tick, tick.nominal, acceleration)
 
 
 @formula
-def learn(
-    settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
-) -> None:
+def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: Joints) -> None:
     """Integrate the error, with back-calculation from the commanded torque."""
     w = elementwise(
         integrated,
-        get(memory, 'nonlinear_feedback_integral', lane),
+        memory.nonlinear_feedback_integral,
         tick.error,
         limited_acceleration(tick, tick.nominal, raw, torque),
-        get(settings, 'nonlinear_feedback_k_p', lane),
-        get(settings, 'nonlinear_feedback_k_i', lane),
+        settings.nonlinear_feedback_k_p,
+        settings.nonlinear_feedback_k_i,
         tick.period,
     )
-    put(memory, 'nonlinear_feedback_integral', lane, w)
+    memory.nonlinear_feedback_integral = w
 
 
 NONLINEAR_FEEDBACK = register(

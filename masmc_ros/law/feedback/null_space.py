@@ -19,16 +19,17 @@ from __future__ import annotations
 
 from typing import Any
 
+from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
+from masmc_ros.law.fields import Memory
 from masmc_ros.law.law import Law, register
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.inverse_dynamics import motion_acceleration, spring
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Columns, Numbers
+from masmc_ros.numerics.aliases import Axes, Columns, Joints, Numbers
 from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import formula, kernel
-from masmc_ros.numerics.record import get
 from masmc_ros.numerics.scalars import minus, plus, zero
 from masmc_ros.numerics.tuples import elementwise, from_index, unit
 from masmc_ros.params.declaration import Parameter
@@ -49,6 +50,14 @@ PARAMETERS = (
 
 _LEAST_SHARE = 1.0e-6
 """Share of its mobility that an axis must keep next to previous axes, or it is dropped."""
+
+
+class Settings(fields.Settings):
+    """Settings of the law."""
+
+    null_space_first_axes: int
+    null_space_k_p: Axes
+    null_space_k_d: Axes
 
 
 @formula
@@ -113,12 +122,10 @@ def _solve(
 
 
 @formula
-def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
     """Return the joints' torques in N m."""
     model, posture = tick.model, tick.posture
-    commanded = spring(
-        tick, get(settings, 'null_space_k_d', lane), get(settings, 'null_space_k_p', lane)
-    )
+    commanded = spring(tick, settings.null_space_k_d, settings.null_space_k_p)
     # For zero task acceleration, J times the acceleration is -Jdot v.
     still = motion_acceleration(tick, elementwise(zero, commanded))
     wanted = elementwise(plus, commanded, mechanism.task_velocity(model, posture, still))
@@ -126,7 +133,7 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     mobility = from_index(
         _mobility_column, tick.surface, (model, posture, h, tick.surface, tick.velocity)
     )
-    task_force = prioritised_force(mobility, wanted, get(settings, 'null_space_first_axes', lane))
+    task_force = prioritised_force(mobility, wanted, settings.null_space_first_axes)
     f = mechanism.coriolis(model, posture, tick.nominal, tick.velocity)
     if len(tick.velocity) > len(tick.surface):
         # The free motion of the task follows the posture: H a minus its part in the task.

@@ -11,17 +11,16 @@ is passive: at a set-point the task behaves like springs and dampers.
 
 from __future__ import annotations
 
-from typing import Any
-
+from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
+from masmc_ros.law.fields import Memory
 from masmc_ros.law.law import Law, register
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.inverse_dynamics import gravity_forces
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.aliases import Axes, Joints
 from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.record import get
 from masmc_ros.numerics.scalars import plus
 from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot import mechanism
@@ -32,6 +31,13 @@ PARAMETERS = (
 )
 
 
+class Settings(fields.Settings):
+    """Settings of the law."""
+
+    pd_gravity_k_p: Axes
+    pd_gravity_k_d: Axes
+
+
 @formula
 def _force(error: float, rate: float, k_p: float, k_d: float) -> float:
     """Return the force of one axis in N."""
@@ -39,14 +45,14 @@ def _force(error: float, rate: float, k_p: float, k_d: float) -> float:
 
 
 @formula
-def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
     """Return the joints' torques in N m."""
     u = elementwise(
         _force,
         tick.error,
         tick.error_rate,
-        get(settings, 'pd_gravity_k_p', lane),
-        get(settings, 'pd_gravity_k_d', lane),
+        settings.pd_gravity_k_p,
+        settings.pd_gravity_k_d,
     )
     pushed = mechanism.forces_from_task(tick.model, tick.posture, u, tick.velocity)
     f = elementwise(plus, gravity_forces(tick, tick.nominal), pushed)

@@ -9,8 +9,7 @@ PID control in task space, without a model: spring, damper and integral on each 
 
 from __future__ import annotations
 
-from typing import Any
-
+from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.law import Law, register
 from masmc_ros.law.parts.adaptation import project
@@ -18,10 +17,9 @@ from masmc_ros.law.parts.integral import integrated
 from masmc_ros.law.parts.inverse_dynamics import limited_force, task_force_torque
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.aliases import Axes, Joints
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.tuples import elementwise
 
 PARAMETERS = (
@@ -33,6 +31,20 @@ PARAMETERS = (
 MEMORY = (ESTIMATE, Field('pid_integral', 'axes', 'w, integral of the error', 'm·s'))
 
 
+class Settings(fields.Settings):
+    """Settings of the law."""
+
+    pid_k_p: Axes
+    pid_k_d: Axes
+    pid_k_i: Axes
+
+
+class Memory(fields.Memory):
+    """Memory of the law."""
+
+    pid_integral: Axes
+
+
 @formula
 def _force(error: float, rate: float, w: float, k_p: float, k_d: float, k_i: float) -> float:
     """Return u of one axis in N."""
@@ -40,35 +52,33 @@ def _force(error: float, rate: float, w: float, k_p: float, k_d: float, k_i: flo
 
 
 @formula
-def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
     """Return the joints' torques in N m."""
     u = elementwise(
         _force,
         tick.error,
         tick.error_rate,
-        get(memory, 'pid_integral', lane),
-        get(settings, 'pid_k_p', lane),
-        get(settings, 'pid_k_d', lane),
-        get(settings, 'pid_k_i', lane),
+        memory.pid_integral,
+        settings.pid_k_p,
+        settings.pid_k_d,
+        settings.pid_k_i,
     )
     return task_force_torque(tick, u)
 
 
 @formula
-def learn(
-    settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
-) -> None:
+def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: Joints) -> None:
     """Integrate the error, with back-calculation from the commanded torque."""
     w = elementwise(
         integrated,
-        get(memory, 'pid_integral', lane),
+        memory.pid_integral,
         tick.error,
         limited_force(tick, raw, torque),
-        get(settings, 'pid_k_p', lane),
-        get(settings, 'pid_k_i', lane),
+        settings.pid_k_p,
+        settings.pid_k_i,
         tick.period,
     )
-    put(memory, 'pid_integral', lane, w)
+    memory.pid_integral = w
 
 
 PID = register(

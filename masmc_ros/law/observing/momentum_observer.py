@@ -14,8 +14,8 @@ Euler, with the commanded torque.
 from __future__ import annotations
 
 import math
-from typing import Any
 
+from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.law import Law, register
 from masmc_ros.law.parts.adaptation import project
@@ -23,10 +23,9 @@ from masmc_ros.law.parts.inverse_dynamics import motion_acceleration, spring
 from masmc_ros.law.parts.last_period import last_acceleration
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.aliases import Axes, Joints
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import minus
 from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.params.declaration import Parameter
@@ -53,6 +52,22 @@ MEMORY = (
 )
 
 
+class Settings(fields.Settings):
+    """Settings of the law."""
+
+    momentum_observer_k_p: Axes
+    momentum_observer_k_d: Axes
+    momentum_observer_rate: float
+
+
+class Memory(fields.Memory):
+    """Memory of the law."""
+
+    momentum_observer_disturbance: Joints
+    momentum_observer_drive: Joints
+    momentum_observer_velocity: Joints
+
+
 @formula
 def _observed(d: float, inertial: float, drive: float, share: float) -> float:
     """Return the next d of one velocity; it is unmodified for unknown values."""
@@ -66,38 +81,32 @@ def _forces(a: float, b: float, disturbance: float) -> float:
 
 
 @formula
-def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
     """Return the joints' torques in N m, and update the disturbance estimate."""
     h = mechanism.inertia(tick.model, tick.posture, tick.nominal)
-    before = last_acceleration(tick, get(memory, 'momentum_observer_velocity', lane))
-    gain = tick.period * get(settings, 'momentum_observer_rate', lane)
+    before = last_acceleration(tick, memory.momentum_observer_velocity)
+    gain = tick.period * settings.momentum_observer_rate
     d = elementwise(
         _observed,
-        get(memory, 'momentum_observer_disturbance', lane),
+        memory.momentum_observer_disturbance,
         mechanism.inertia_times(tick.model, h, before),
-        get(memory, 'momentum_observer_drive', lane),
+        memory.momentum_observer_drive,
         gain / (1.0 + gain),
     )
-    put(memory, 'momentum_observer_disturbance', lane, d)
-    acceleration = spring(
-        tick,
-        get(settings, 'momentum_observer_k_d', lane),
-        get(settings, 'momentum_observer_k_p', lane),
-    )
+    memory.momentum_observer_disturbance = d
+    acceleration = spring(tick, settings.momentum_observer_k_d, settings.momentum_observer_k_p)
     wanted = mechanism.inertia_times(tick.model, h, motion_acceleration(tick, acceleration))
     model = mechanism.coriolis(tick.model, tick.posture, tick.nominal, tick.velocity)
     return mechanism.joint_torques(tick.model, elementwise(_forces, wanted, model, d))
 
 
 @formula
-def learn(
-    settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
-) -> None:
+def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: Joints) -> None:
     """Store drive forces and velocity for the next tick."""
     model = mechanism.coriolis(tick.model, tick.posture, tick.nominal, tick.velocity)
     drive = elementwise(minus, mechanism.forces(tick.model, torque), model)
-    put(memory, 'momentum_observer_drive', lane, drive)
-    put(memory, 'momentum_observer_velocity', lane, tick.velocity)
+    memory.momentum_observer_drive = drive
+    memory.momentum_observer_velocity = tick.velocity
 
 
 MOMENTUM_OBSERVER = register(

@@ -13,8 +13,8 @@ all forces except H vdot: of velocities, gravity, disturbances, and errors of H.
 from __future__ import annotations
 
 import math
-from typing import Any
 
+from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.law import Law, register
 from masmc_ros.law.parts.adaptation import project
@@ -22,10 +22,9 @@ from masmc_ros.law.parts.inverse_dynamics import motion_acceleration, spring
 from masmc_ros.law.parts.last_period import last_acceleration
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.aliases import Axes, Joints
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import minus, plus
 from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot import mechanism
@@ -41,6 +40,19 @@ MEMORY = (
 )
 
 
+class Settings(fields.Settings):
+    """Settings of the law."""
+
+    time_delay_k_p: Axes
+    time_delay_k_d: Axes
+
+
+class Memory(fields.Memory):
+    """Memory of the law."""
+
+    time_delay_velocity: Joints
+
+
 @formula
 def _known(measured: float, modelled: float) -> float:
     """Return the measured value, or that of the model without a previous tick."""
@@ -48,14 +60,12 @@ def _known(measured: float, modelled: float) -> float:
 
 
 @formula
-def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
     """Return the joints' torques in N m."""
-    acceleration = spring(
-        tick, get(settings, 'time_delay_k_d', lane), get(settings, 'time_delay_k_p', lane)
-    )
+    acceleration = spring(tick, settings.time_delay_k_d, settings.time_delay_k_p)
     h = mechanism.inertia(tick.model, tick.posture, tick.nominal)
-    before = last_acceleration(tick, get(memory, 'time_delay_velocity', lane))
-    commanded = mechanism.forces(tick.model, get(memory, 'commanded', lane))
+    before = last_acceleration(tick, memory.time_delay_velocity)
+    commanded = mechanism.forces(tick.model, memory.commanded)
     left = elementwise(minus, commanded, mechanism.inertia_times(tick.model, h, before))
     model = mechanism.coriolis(tick.model, tick.posture, tick.nominal, tick.velocity)
     wanted = mechanism.inertia_times(tick.model, h, motion_acceleration(tick, acceleration))
@@ -64,11 +74,9 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
 
 
 @formula
-def learn(
-    settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
-) -> None:
+def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: Joints) -> None:
     """Store the velocity for the next tick."""
-    put(memory, 'time_delay_velocity', lane, tick.velocity)
+    memory.time_delay_velocity = tick.velocity
 
 
 TIME_DELAY = register(

@@ -20,11 +20,11 @@ import math
 from typing import Any
 
 from masmc_ros.law.declared import PerEntry
+from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.aliases import Joints, Numbers, Parameters
 from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import formula, kernel
-from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.tuples import dot, elementwise
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
@@ -183,58 +183,54 @@ def tracking_gradient(tick: Tick) -> Numbers:
 
 
 @formula
-def adapt(
-    settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
-) -> None:
+def adapt(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: Joints) -> None:
     """Advance theta_hat by one tick, before the projection."""
-    adapt_along(settings, tick, memory, lane, raw, torque, tracking_gradient(tick))
+    adapt_along(settings, tick, memory, raw, torque, tracking_gradient(tick))
 
 
 @formula
 def adapt_along(
-    settings: Any,
+    settings: Settings,
     tick: Tick,
-    memory: Any,
-    lane: int,
-    raw: Numbers,
-    torque: Numbers,
-    gradient: Numbers,
+    memory: Memory,
+    raw: Joints,
+    torque: Joints,
+    gradient: Parameters,
 ) -> None:
     """Advance theta_hat by one tick down a gradient, before the projection."""
     distance = math.sqrt(dot(tick.surface, tick.surface))
-    share = beyond_dead_zone(distance, get(settings, 'dead_zone', lane))
-    freezes = (get(settings, 'freeze_when_saturated', lane) != 0) & (torque != raw)
+    share = beyond_dead_zone(distance, settings.dead_zone)
+    freezes = (settings.freeze_when_saturated != 0) & (torque != raw)
     share = 0.0 if freezes else share
-    rate = get(settings, 'leakage', lane)
-    e_modification = get(settings, 'e_modification', lane)
+    rate = settings.leakage
+    e_modification = settings.e_modification
     rate = rate + e_modification * share * distance if e_modification > 0.0 else rate
     moved = mechanism.theta_step(
         tick.model,
         settings,
-        lane,
-        get(memory, 'estimate', lane),
+        memory.estimate,
         elementwise(_share, gradient, share),
         tick.period,
     )
     following = elementwise(pulled_estimate, moved, tick.nominal, tick.period, rate)
-    put(memory, 'estimate', lane, following)
+    memory.estimate = following
 
 
 @formula
-def project(settings: Any, memory: Any, lane: int) -> None:
+def project(settings: Settings, memory: Memory) -> None:
     """Project theta_hat onto physically possible values if a projection is active."""
-    lower = get(settings, 'projection_lower', lane)
-    model = mechanism.model_of(settings, lane)
-    if (lower > 0.0) & (not mechanism.preserves_consistency(model, settings, lane)):
+    lower = settings.projection_lower
+    model = mechanism.model_of(settings)
+    if (lower > 0.0) & (not mechanism.preserves_consistency(model, settings)):
         theta = projected(
             model,
-            get(memory, 'estimate', lane),
-            get(settings, 'nominal', lane),
-            get(settings, 'gamma', lane),
+            memory.estimate,
+            settings.nominal,
+            settings.gamma,
             lower,
-            get(settings, 'projection_upper', lane),
+            settings.projection_upper,
         )
-        put(memory, 'estimate', lane, theta)
+        memory.estimate = theta
 
 
 @formula

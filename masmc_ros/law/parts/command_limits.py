@@ -5,13 +5,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from masmc_ros.law.declared import PerEntry
-from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.law.fields import Settings
+from masmc_ros.numerics.aliases import Joints
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.limits import limited
-from masmc_ros.numerics.record import get
 from masmc_ros.numerics.tuples import elementwise
 
 PARAMETERS = (
@@ -35,13 +33,13 @@ PARAMETERS = (
 
 
 @formula
-def within_limits(settings: Any, raw: Numbers, before: Numbers, lane: int) -> Numbers:
+def within_limits(settings: Settings, raw: Joints, before: Joints) -> Joints:
     """Return a torque within the controller's limits; `before` is that of the last tick."""
     return elementwise(
         limited,
         raw,
         before,
-        get(settings, 'torque_limit', lane),
-        get(settings, 'torque_rate_limit', lane),
-        get(settings, 'period', lane),
+        settings.torque_limit,
+        settings.torque_rate_limit,
+        settings.period,
     )

@@ -74,49 +74,43 @@ def alone(value: float) -> Numbers:
 
 
 @formula
-def _output(arguments: tuple[Any, int, Any, Any], i: int) -> float:
-    weights, lane, first, second = arguments
+def _output(arguments: tuple[Any, Any, Any], i: int) -> float:
+    weights, first, second = arguments
     columns = len(second[0])
     place = i * len(first[0]) * columns
     total = 0.0
     for j in range(len(first[0])):
         for k in range(columns):
-            total += first[i][j] * second[i][k] * weights[place + j * columns + k, lane]
+            total += first[i][j] * second[i][k] * weights[place + j * columns + k]
     return total
 
 
 @kernel
-def mean_of_rules(weights: Any, lane: int, first: Any, second: Any) -> Numbers:
+def mean_of_rules(weights: Any, first: Any, second: Any) -> Numbers:
     """
     Return the output of each system.
 
     Parameters
     ----------
     weights
-        Rules (outputs * rules, lanes), output by output. The rules of an output are in the order
+        Rules (outputs * rules), output by output. The rules of an output are in the order
         of its pairs of sets, with the sets of the second input innermost.
-    lane
-        Index of the run.
     first, second
         For each output, the memberships of its two inputs.
 
     """
-    return from_index(_output, first, (weights, lane, first, second))
+    return from_index(_output, first, (weights, first, second))
 
 
 @kernel
-def train_rules(
-    weights: Any, lane: int, first: Any, second: Any, step: Numbers, pull: float
-) -> None:
+def train_rules(weights: Any, first: Any, second: Any, step: Numbers, pull: float) -> None:
     """
     Move rules: W <- (W + step phi) / (1 + pull).
 
     Parameters
     ----------
     weights
-        Rules (outputs * rules, lanes), output by output.
-    lane
-        Index of the run.
+        Rules (outputs * rules), output by output.
     first, second
         For each output, the memberships of its two inputs.
     step
@@ -129,8 +123,8 @@ def train_rules(
     for i in range(len(step)):
         for j in range(len(first[0])):
             for k in range(len(second[0])):
-                moved = weights[place, lane] + step[i] * first[i][j] * second[i][k]
-                weights[place, lane] = moved / (1.0 + pull)
+                moved = weights[place] + step[i] * first[i][j] * second[i][k]
+                weights[place] = moved / (1.0 + pull)
                 place += 1
 
 

@@ -11,12 +11,10 @@ request ever more torque from a slipping wheel.
 
 from __future__ import annotations
 
-from typing import Any
-
+from masmc_ros.law.fields import Settings
 from masmc_ros.law.parts.velocity_estimator import MEASURED
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.record import get
 from masmc_ros.numerics.scalars import minus
 from masmc_ros.numerics.tuples import dot, elementwise, tail
 from masmc_ros.params.declaration import Parameter
@@ -43,13 +41,13 @@ def squared_slip(tick: Tick) -> float:
 
 
 @formula
-def backed_off(settings: Any, tick: Tick, gain: float, lane: int) -> float:
+def backed_off(settings: Settings, tick: Tick, gain: float) -> float:
     """
     Return gain / (1 + (slip / slip_backoff)^2).
 
     Without measured rates the slip is unknown. Noise of measured rates appears as slip.
     """
-    scale = get(settings, 'slip_backoff', lane)
-    if (scale > 0.0) & (get(settings, 'velocity_source', lane) == MEASURED):
+    scale = settings.slip_backoff
+    if (scale > 0.0) & (settings.velocity_source == MEASURED):
         return gain / (1.0 + squared_slip(tick) / (scale * scale))
     return gain

@@ -13,10 +13,10 @@ from __future__ import annotations
 
 from typing import Any
 
+from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import plus, zero
 from masmc_ros.numerics.tuples import column, elementwise, tail
 from masmc_ros.params.declaration import Parameter
@@ -102,10 +102,10 @@ MEMORY = (
 
 
 @formula
-def expected_acceleration(model: Any, theta: Numbers, memory: Any, lane: int) -> Numbers:
+def expected_acceleration(model: Any, theta: Numbers, memory: Memory) -> Numbers:
     """Return the joints' acceleration (rad/s2) under the last command by the nominal model."""
-    angles, rates = get(memory, 'angles', lane), get(memory, 'rates', lane)
-    torque = elementwise(plus, get(memory, 'commanded', lane), get(memory, 'felt', lane))
+    angles, rates = memory.angles, memory.rates
+    torque = elementwise(plus, memory.commanded, memory.felt)
     bend = mechanism.posture_of_joints(model, angles)
     return mechanism.joint_accelerations(model, bend, theta, rates, torque)
 
@@ -128,7 +128,7 @@ def _followed(
 
 @formula
 def estimate_rates(
-    settings: Any, memory: Any, position: Numbers, lane: int, knows_torques: bool
+    settings: Settings, memory: Memory, position: Numbers, knows_torques: bool
 ) -> None:
     """
     Advance the estimated angles, rates and unmodelled accelerations to the tick of a position.
@@ -137,36 +137,32 @@ def estimate_rates(
     many times too large. `knows_torques` is false with commanded rates: the torques of the drives
     are unknown then, and all acceleration is unmodelled.
     """
-    angles, rates = get(memory, 'angles', lane), get(memory, 'rates', lane)
-    unmodelled = get(memory, 'unmodelled', lane)
+    angles, rates = memory.angles, memory.rates
+    unmodelled = memory.unmodelled
     measured = tail(position, angles)
-    period = (1 + get(memory, 'left_out', lane)) * get(settings, 'period', lane)
-    put(memory, 'left_out', lane, 0)
-    if get(memory, 'estimator_initialised', lane) == 0:
-        put(memory, 'estimator_initialised', lane, 1)
-        put(memory, 'angles', lane, measured)
-        put(memory, 'rates', lane, elementwise(zero, angles))
-        put(memory, 'unmodelled', lane, elementwise(zero, angles))
+    period = (1 + memory.left_out) * settings.period
+    memory.left_out = 0
+    if memory.estimator_initialised == 0:
+        memory.estimator_initialised = 1
+        memory.angles = measured
+        memory.rates = elementwise(zero, angles)
+        memory.unmodelled = elementwise(zero, angles)
         return
-    gain = gains(get(settings, 'estimator_bandwidth', lane), period)
+    gain = gains(settings.estimator_bandwidth, period)
     a = elementwise(zero, angles)
     if knows_torques:
-        model = mechanism.model_of(settings, lane)
-        a = expected_acceleration(model, get(settings, 'nominal', lane), memory, lane)
+        model = mechanism.model_of(settings)
+        a = expected_acceleration(model, settings.nominal, memory)
     estimates = elementwise(
         _followed, angles, rates, unmodelled, a, measured, period, gain[0], gain[1], gain[2]
     )
-    put(memory, 'angles', lane, column(estimates, 0))
-    put(memory, 'rates', lane, column(estimates, 1))
-    put(memory, 'unmodelled', lane, column(estimates, 2))
+    memory.angles = column(estimates, 0)
+    memory.rates = column(estimates, 1)
+    memory.unmodelled = column(estimates, 2)
 
 
 @formula
-def note_disturbance(
-    memory: Any, model: Any, posture: Any, disturbance: Numbers, lane: int
-) -> None:
+def note_disturbance(memory: Memory, model: Any, posture: Any, disturbance: Numbers) -> None:
     """Store the law's disturbance estimate (N) as torques for the next prediction."""
-    force = mechanism.forces_from_task(
-        model, posture, disturbance, get(memory, 'rates', lane)
-    )
-    put(memory, 'felt', lane, mechanism.joint_torques(model, force))
+    force = mechanism.forces_from_task(model, posture, disturbance, memory.rates)
+    memory.felt = mechanism.joint_torques(model, force)

@@ -23,16 +23,16 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.parts.inverse_dynamics import limited_acceleration
 from masmc_ros.law.parts.slip import backed_off, SLIP_BACKOFF
 from masmc_ros.law.reaching.reaching import GAINS, Reaching, register
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Columns, Numbers
+from masmc_ros.numerics.aliases import Axes, Columns, Joints, Numbers
 from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.elimination import solve_definite
 from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import minus, moved, zero
 from masmc_ros.numerics.tuples import elementwise, least, matrix_times
 from masmc_ros.params.declaration import Parameter
@@ -125,27 +125,25 @@ def _pushed(k_s1: float, following: float, k_s2: float, zeta: float, disturbance
 
 
 @formula
-def reach(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+def reach(settings: Settings, tick: Tick, memory: Memory) -> Axes:
     """Return the reaching force, and store s+ and the disturbance estimate."""
     inertia = mechanism.task_inertia(tick.model, tick.posture, tick.nominal, tick.surface)
-    k_s1, k_s2 = get(settings, 'k_s1', lane), get(settings, 'k_s2', lane)
+    k_s1, k_s2 = settings.k_s1, settings.k_s2
     disturbance = disturbance_estimate(
         inertia,
         tick.surface,
-        get(memory, 'predicted', lane),
-        backed_off(settings, tick, get(settings, 'observer_gain', lane), lane) / tick.period,
-        get(memory, 'disturbance', lane),
+        memory.predicted,
+        backed_off(settings, tick, settings.observer_gain) / tick.period,
+        memory.disturbance,
     )
     following, zeta = solution(inertia, tick.period, k_s1, k_s2, tick.surface)
-    put(memory, 'disturbance', lane, disturbance)
-    put(memory, 'predicted', lane, following)
+    memory.disturbance = disturbance
+    memory.predicted = following
     return elementwise(_pushed, k_s1, following, k_s2, zeta, disturbance)
 
 
 @formula
-def correct(
-    settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
-) -> None:
+def correct(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: Joints) -> None:
     """
     Add the effect of torque limits to s+: T J H^-1 (torque - raw torque).
 
@@ -153,8 +151,8 @@ def correct(
     """
     if torque != raw:
         change = limited_acceleration(tick, tick.nominal, raw, torque)
-        predicted = elementwise(moved, get(memory, 'predicted', lane), change, tick.period)
-        put(memory, 'predicted', lane, predicted)
+        predicted = elementwise(moved, memory.predicted, change, tick.period)
+        memory.predicted = predicted
 
 
 @formula

@@ -11,12 +11,12 @@ from types import SimpleNamespace
 from typing import Any
 
 from masmc_ros.law.declared import Declared, PerEntry
+from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.aliases import Axes, Joints
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.dispatch import by_tag, interface
 from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.record import get
 from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.params.declaration import Parameter
 
@@ -41,7 +41,7 @@ BOUNDARY_LAYER = Parameter(
 
 @formula
 def _nothing_to_correct(
-    settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
+    settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: Joints
 ) -> None:
     """Do nothing; default of `Reaching.correct`."""
 
@@ -52,9 +52,9 @@ class Reaching:
 
     name: str
     reach: Callable[..., Any]
-    """(settings, tick, memory, lane) -> u, a tuple in N."""
+    """(settings, tick, memory) -> u, a tuple in N."""
     correct: Callable[..., Any] = _nothing_to_correct
-    """(settings, tick, memory, lane, raw, torque): the law requested `raw`, `torque` is held."""
+    """(settings, tick, memory, raw, torque): the law requested `raw`, `torque` is held."""
     parameters: tuple[Declared, ...] = GAINS
     memory: tuple[Field, ...] = ()
 
@@ -82,14 +82,12 @@ _of_term = interface(by_tag('switching', lambda name: _KNOWN[name].formulas))
 
 
 @_of_term
-def reach(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+def reach(settings: Settings, tick: Tick, memory: Memory) -> Axes:
     """Return the reaching force u on the task's axes in N."""
 
 
 @_of_term
-def correct(
-    settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
-) -> None:
+def correct(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: Joints) -> None:
     """Account for the held `torque`; the law requested `raw`."""
 
 
@@ -100,12 +98,6 @@ def reaching_force(s: float, k_s1: float, k_s2: float, switched: float) -> float
 
 
 @formula
-def force_of(settings: Any, tick: Tick, lane: int, switched: Numbers) -> Numbers:
+def force_of(settings: Settings, tick: Tick, switched: Axes) -> Axes:
     """Return the reaching force of an explicit term from sw(s) on every axis."""
-    return elementwise(
-        reaching_force,
-        tick.surface,
-        get(settings, 'k_s1', lane),
-        get(settings, 'k_s2', lane),
-        switched,
-    )
+    return elementwise(reaching_force, tick.surface, settings.k_s1, settings.k_s2, switched)

@@ -5,12 +5,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
+from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.reaching.reaching import BOUNDARY_LAYER, force_of, GAINS, Reaching, register
 from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.aliases import Axes
 from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.record import get
 from masmc_ros.numerics.tuples import elementwise
 
 
@@ -22,10 +21,10 @@ def saturation(s: float, delta: float) -> float:
 
 
 @formula
-def reach(settings: Any, tick: Tick, memory: Any, lane: int) -> tuple[float, ...]:
+def reach(settings: Settings, tick: Tick, memory: Memory) -> Axes:
     """Return the reaching force."""
-    delta = get(settings, 'boundary_layer', lane)
-    return force_of(settings, tick, lane, elementwise(saturation, tick.surface, delta))
+    delta = settings.boundary_layer
+    return force_of(settings, tick, elementwise(saturation, tick.surface, delta))
 
 
 SATURATION = register(Reaching('saturation', reach, parameters=(*GAINS, BOUNDARY_LAYER)))

@@ -5,10 +5,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
+from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.reaching.reaching import force_of, Reaching, register
 from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.aliases import Axes
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.tuples import elementwise
 
@@ -20,9 +20,9 @@ def sign(s: float) -> float:
 
 
 @formula
-def reach(settings: Any, tick: Tick, memory: Any, lane: int) -> tuple[float, ...]:
+def reach(settings: Settings, tick: Tick, memory: Memory) -> Axes:
     """Return the reaching force."""
-    return force_of(settings, tick, lane, elementwise(sign, tick.surface))
+    return force_of(settings, tick, elementwise(sign, tick.surface))
 
 
 SIGN = register(Reaching('sign', reach))

@@ -13,8 +13,7 @@ exactly zero; dead zone, leak and bound prevent this.
 
 from __future__ import annotations
 
-from typing import Any
-
+from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.law import Law, register
 from masmc_ros.law.parts.adaptation import project
@@ -24,10 +23,9 @@ from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.reaching.reaching import BOUNDARY_LAYER, reaching_force
 from masmc_ros.law.reaching.saturation import saturation
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.aliases import Axes, Joints
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.params.declaration import Parameter
 
@@ -51,17 +49,33 @@ PARAMETERS = (
 MEMORY = (ESTIMATE, Field('adaptive_gain_switching', 'axes', 'k', 'N'))
 
 
+class Settings(fields.Settings):
+    """Settings of the law."""
+
+    adaptive_gain_k: Axes
+    adaptive_gain_gamma: Axes
+    adaptive_gain_dead_zone: Axes
+    adaptive_gain_leak: float
+    adaptive_gain_k_max: Axes
+
+
+class Memory(fields.Memory):
+    """Memory of the law."""
+
+    adaptive_gain_switching: Axes
+
+
 @formula
-def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
     """Return the joints' torques in N m."""
     u = elementwise(
         reaching_force,
         tick.surface,
-        get(settings, 'adaptive_gain_k', lane),
-        get(memory, 'adaptive_gain_switching', lane),
-        elementwise(saturation, tick.surface, get(settings, 'boundary_layer', lane)),
+        settings.adaptive_gain_k,
+        memory.adaptive_gain_switching,
+        elementwise(saturation, tick.surface, settings.boundary_layer),
     )
-    return model_torque(tick, get(memory, 'estimate', lane), u)
+    return model_torque(tick, memory.estimate, u)
 
 
 @formula
@@ -81,23 +95,21 @@ def _following(
 
 
 @formula
-def learn(
-    settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
-) -> None:
+def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: Joints) -> None:
     """Adapt the gains; while the torque is limited they only leak."""
     share = 1.0 if torque == raw else 0.0
     following = elementwise(
         _following,
-        get(memory, 'adaptive_gain_switching', lane),
+        memory.adaptive_gain_switching,
         tick.surface,
-        get(settings, 'adaptive_gain_gamma', lane),
+        settings.adaptive_gain_gamma,
         share,
-        get(settings, 'adaptive_gain_dead_zone', lane),
-        get(settings, 'adaptive_gain_leak', lane),
-        get(settings, 'adaptive_gain_k_max', lane),
+        settings.adaptive_gain_dead_zone,
+        settings.adaptive_gain_leak,
+        settings.adaptive_gain_k_max,
         tick.period,
     )
-    put(memory, 'adaptive_gain_switching', lane, following)
+    memory.adaptive_gain_switching = following
 
 
 ADAPTIVE_GAIN = register(

@@ -12,8 +12,7 @@ limited; otherwise it is the surface for which the law would request the limited
 
 from __future__ import annotations
 
-from typing import Any
-
+from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.law import Law, register
 from masmc_ros.law.parts.adaptation import project
@@ -22,10 +21,9 @@ from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.sliding.super_twisting import applied, integrated, surface_rate
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.aliases import Axes, Joints, Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import plus
 from masmc_ros.numerics.tuples import elementwise
 
@@ -74,37 +72,52 @@ MEMORY = (
 )
 
 
+class Settings(fields.Settings):
+    """Settings of the law."""
+
+    adaptive_super_twisting_rate: Axes
+    adaptive_super_twisting_zone: Axes
+    adaptive_super_twisting_least: Axes
+    adaptive_super_twisting_largest: Axes
+    adaptive_super_twisting_epsilon: Axes
+
+
+class Memory(fields.Memory):
+    """Memory of the law."""
+
+    adaptive_super_twisting_w: Axes
+    adaptive_super_twisting_growth: Axes
+
+
 @formula
 def _beta(alpha: float, epsilon: float) -> float:
     return 2.0 * epsilon * alpha
 
 
 @formula
-def _gains(settings: Any, memory: Any, lane: int) -> tuple[Numbers, Numbers]:
+def _gains(settings: Settings, memory: Memory) -> tuple[Numbers, Numbers]:
     """Return alpha and beta."""
     alpha = elementwise(
         plus,
-        get(settings, 'adaptive_super_twisting_least', lane),
-        get(memory, 'adaptive_super_twisting_growth', lane),
+        settings.adaptive_super_twisting_least,
+        memory.adaptive_super_twisting_growth,
     )
-    return alpha, elementwise(_beta, alpha, get(settings, 'adaptive_super_twisting_epsilon', lane))
+    return alpha, elementwise(_beta, alpha, settings.adaptive_super_twisting_epsilon)
 
 
 @formula
-def _requested(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+def _requested(settings: Settings, tick: Tick, memory: Memory) -> Numbers:
     """Return nu."""
-    alpha, beta = _gains(settings, memory, lane)
-    w = get(memory, 'adaptive_super_twisting_w', lane)
+    alpha, beta = _gains(settings, memory)
+    w = memory.adaptive_super_twisting_w
     return elementwise(surface_rate, tick.surface, w, alpha, beta, tick.period)
 
 
 @formula
-def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
     """Return the joint torques in N·m."""
-    nu = _requested(settings, tick, memory, lane)
-    return surface_torque(
-        tick, get(memory, 'estimate', lane), get(settings, 'sigma', lane), nu
-    )
+    nu = _requested(settings, tick, memory)
+    return surface_torque(tick, memory.estimate, settings.sigma, nu)
 
 
 @formula
@@ -149,31 +162,24 @@ def _grown(
 
 
 @formula
-def learn(
-    settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
-) -> None:
+def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: Joints) -> None:
     """Integrate w and adapt the gains for the commanded torque."""
-    alpha, beta = _gains(settings, memory, lane)
-    w = get(memory, 'adaptive_super_twisting_w', lane)
-    requested = _requested(settings, tick, memory, lane)
-    nu = applied(tick, get(memory, 'estimate', lane), requested, raw, torque)
+    alpha, beta = _gains(settings, memory)
+    w = memory.adaptive_super_twisting_w
+    requested = _requested(settings, tick, memory)
+    nu = applied(tick, memory.estimate, requested, raw, torque)
     growth = elementwise(
         _grown,
-        get(memory, 'adaptive_super_twisting_growth', lane),
+        memory.adaptive_super_twisting_growth,
         elementwise(realisable_surface, w, nu, alpha, beta, tick.period),
-        get(settings, 'adaptive_super_twisting_rate', lane),
-        get(settings, 'adaptive_super_twisting_zone', lane),
-        get(settings, 'adaptive_super_twisting_least', lane),
-        get(settings, 'adaptive_super_twisting_largest', lane),
+        settings.adaptive_super_twisting_rate,
+        settings.adaptive_super_twisting_zone,
+        settings.adaptive_super_twisting_least,
+        settings.adaptive_super_twisting_largest,
         tick.period,
     )
-    put(memory, 'adaptive_super_twisting_growth', lane, growth)
-    put(
-        memory,
-        'adaptive_super_twisting_w',
-        lane,
-        elementwise(integrated, w, nu, beta, tick.period),
-    )
+    memory.adaptive_super_twisting_growth = growth
+    memory.adaptive_super_twisting_w = elementwise(integrated, w, nu, beta, tick.period)
 
 
 ADAPTIVE_SUPER_TWISTING = register(

@@ -13,8 +13,8 @@ Euler, with s+ in place of s on the right, |s+| < eps for any s.
 from __future__ import annotations
 
 import math
-from typing import Any
 
+from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.law import Law, register
 from masmc_ros.law.parts.adaptation import project
@@ -23,10 +23,9 @@ from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.reaching.sign import sign
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.aliases import Axes, Joints
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.tuples import elementwise
 
 PARAMETERS = (
@@ -46,6 +45,22 @@ MEMORY = (
     Field('barrier_growth', 'axes', 'K less K_0 outside', 'm/s²'),
     Field('barrier_inside', 'axes', '1 once |s| has been within eps / 2 and has not left'),
 )
+
+
+class Settings(fields.Settings):
+    """Settings of the law."""
+
+    barrier_width: Axes
+    barrier_gain: Axes
+    barrier_start: Axes
+    barrier_growth: Axes
+
+
+class Memory(fields.Memory):
+    """Memory of the law."""
+
+    barrier_growth: Axes
+    barrier_inside: Axes
 
 
 @formula
@@ -69,22 +84,20 @@ def _surface_rate(
 
 
 @formula
-def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
     """Return the joints' torques in N m."""
-    width = get(settings, 'barrier_width', lane)
+    width = settings.barrier_width
     nu = elementwise(
         _surface_rate,
         tick.surface,
-        elementwise(_inside, get(memory, 'barrier_inside', lane), tick.surface, width),
-        get(memory, 'barrier_growth', lane),
-        get(settings, 'barrier_start', lane),
+        elementwise(_inside, memory.barrier_inside, tick.surface, width),
+        memory.barrier_growth,
+        settings.barrier_start,
         width,
-        get(settings, 'barrier_gain', lane),
+        settings.barrier_gain,
         tick.period,
     )
-    return surface_torque(
-        tick, get(memory, 'estimate', lane), get(settings, 'sigma', lane), nu
-    )
+    return surface_torque(tick, memory.estimate, settings.sigma, nu)
 
 
 @formula
@@ -93,23 +106,21 @@ def _grown(growth: float, inside: float, s: float, rate: float, period: float) -
 
 
 @formula
-def learn(
-    settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
-) -> None:
+def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: Joints) -> None:
     """Increase the gain outside the barrier, except while the torque is limited."""
-    width = get(settings, 'barrier_width', lane)
-    inside = elementwise(_inside, get(memory, 'barrier_inside', lane), tick.surface, width)
-    put(memory, 'barrier_inside', lane, inside)
+    width = settings.barrier_width
+    inside = elementwise(_inside, memory.barrier_inside, tick.surface, width)
+    memory.barrier_inside = inside
     if torque == raw:
         growth = elementwise(
             _grown,
-            get(memory, 'barrier_growth', lane),
+            memory.barrier_growth,
             inside,
             tick.surface,
-            get(settings, 'barrier_growth', lane),
+            settings.barrier_growth,
             tick.period,
         )
-        put(memory, 'barrier_growth', lane, growth)
+        memory.barrier_growth = growth
 
 
 BARRIER = register(

@@ -15,7 +15,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
+from masmc_ros.law.fields import Memory
 from masmc_ros.law.law import Law, register
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.inverse_dynamics import motion_acceleration
@@ -24,9 +26,8 @@ from masmc_ros.law.parts.surface import reference_acceleration, SIGMA
 from masmc_ros.law.reaching.reaching import BOUNDARY_LAYER, reaching_force
 from masmc_ros.law.reaching.saturation import saturation
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.aliases import Axes, Joints, Numbers
 from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.record import get
 from masmc_ros.numerics.scalars import plus, zero
 from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot import mechanism
@@ -39,6 +40,13 @@ PARAMETERS = (
     BOUNDARY_LAYER,
     SIGMA,
 )
+
+
+class Settings(fields.Settings):
+    """Settings of the law."""
+
+    decentralised_sliding_q: Axes
+    decentralised_sliding_p: Axes
 
 
 @formula
@@ -59,25 +67,25 @@ def _of_group(
 
 
 @formula
-def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
     """Return the joints' torques in N m."""
     reaching = elementwise(
         reaching_force,
         tick.surface,
-        get(settings, 'decentralised_sliding_q', lane),
-        get(settings, 'decentralised_sliding_p', lane),
-        elementwise(saturation, tick.surface, get(settings, 'boundary_layer', lane)),
+        settings.decentralised_sliding_q,
+        settings.decentralised_sliding_p,
+        elementwise(saturation, tick.surface, settings.boundary_layer),
     )
     reference = elementwise(
         reference_acceleration,
         tick.desired_acceleration,
         tick.error_derivative,
-        get(settings, 'sigma', lane),
+        settings.sigma,
     )
     a = motion_acceleration(tick, elementwise(plus, reference, reaching))
     rates = mechanism.joint_rates(tick.model, tick.velocity)
     derivative = mechanism.joint_rates(tick.model, a)
-    theta, group = get(memory, 'estimate', lane), get(settings, 'group', lane)
+    theta, group = memory.estimate, settings.group
     last = group[0]
     for number in group:
         last = number if number > last else last

@@ -17,8 +17,8 @@ with a disturbance |d delta/dt| <= L. The sampled law is implicit Euler in (z, w
 from __future__ import annotations
 
 import math
-from typing import Any
 
+from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.law import Law, register
 from masmc_ros.law.parts.adaptation import project
@@ -27,10 +27,9 @@ from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.reaching.sign import sign
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.aliases import Axes, Joints, Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import plus
 from masmc_ros.numerics.tuples import elementwise
 
@@ -41,6 +40,19 @@ PARAMETERS = (
 )
 
 MEMORY = (ESTIMATE, Field('super_twisting_w', 'axes', 'w, integral part of nu', 'm/s²'))
+
+
+class Settings(fields.Settings):
+    """Settings of the law."""
+
+    super_twisting_k_1: Axes
+    super_twisting_k_2: Axes
+
+
+class Memory(fields.Memory):
+    """Memory of the law."""
+
+    super_twisting_w: Axes
 
 
 @formula
@@ -86,7 +98,7 @@ def integrated(w: float, nu: float, k_2: float, period: float) -> float:
 
 
 @formula
-def applied(tick: Tick, theta: Numbers, nu: Numbers, raw: Numbers, torque: Numbers) -> Numbers:
+def applied(tick: Tick, theta: Numbers, nu: Numbers, raw: Joints, torque: Joints) -> Numbers:
     """
     Return nu of the commanded torque.
 
@@ -106,41 +118,37 @@ def applied(tick: Tick, theta: Numbers, nu: Numbers, raw: Numbers, torque: Numbe
 
 
 @formula
-def _requested(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+def _requested(settings: Settings, tick: Tick, memory: Memory) -> Numbers:
     """Return nu."""
     return elementwise(
         surface_rate,
         tick.surface,
-        get(memory, 'super_twisting_w', lane),
-        get(settings, 'super_twisting_k_1', lane),
-        get(settings, 'super_twisting_k_2', lane),
+        memory.super_twisting_w,
+        settings.super_twisting_k_1,
+        settings.super_twisting_k_2,
         tick.period,
     )
 
 
 @formula
-def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
     """Return the joint torques in N·m."""
-    nu = _requested(settings, tick, memory, lane)
-    return surface_torque(
-        tick, get(memory, 'estimate', lane), get(settings, 'sigma', lane), nu
-    )
+    nu = _requested(settings, tick, memory)
+    return surface_torque(tick, memory.estimate, settings.sigma, nu)
 
 
 @formula
-def learn(
-    settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
-) -> None:
+def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: Joints) -> None:
     """Integrate w for the commanded torque."""
-    nu = _requested(settings, tick, memory, lane)
+    nu = _requested(settings, tick, memory)
     w = elementwise(
         integrated,
-        get(memory, 'super_twisting_w', lane),
-        applied(tick, get(memory, 'estimate', lane), nu, raw, torque),
-        get(settings, 'super_twisting_k_2', lane),
+        memory.super_twisting_w,
+        applied(tick, memory.estimate, nu, raw, torque),
+        settings.super_twisting_k_2,
         tick.period,
     )
-    put(memory, 'super_twisting_w', lane, w)
+    memory.super_twisting_w = w
 
 
 SUPER_TWISTING = register(

@@ -14,18 +14,18 @@ The surface s_t is specific to this law; the logged `surface` is s = edot + sigm
 from __future__ import annotations
 
 import math
-from typing import Any
 
+from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
+from masmc_ros.law.fields import Memory
 from masmc_ros.law.law import Law, register
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.inverse_dynamics import acceleration_torque
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.reaching.sign import sign
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.aliases import Axes, Joints
 from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.record import get
 from masmc_ros.numerics.tuples import elementwise
 
 PARAMETERS = (
@@ -37,6 +37,15 @@ PARAMETERS = (
     PerEntry('terminal.k_1', 'axes', 400.0, 'Gain k_1 of the linear reaching term', '1/s²'),
     PerEntry('terminal.k_2', 'axes', 200.0, 'Gain k_2 of the root', 'm^0.5/s²'),
 )
+
+
+class Settings(fields.Settings):
+    """Settings of the law."""
+
+    terminal_c_1: Axes
+    terminal_c_2: Axes
+    terminal_k_1: Axes
+    terminal_k_2: Axes
 
 
 @formula
@@ -52,19 +61,19 @@ def _commanded(
 
 
 @formula
-def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
     """Return the joints' torques in N m."""
     acceleration = elementwise(
         _commanded,
         tick.desired_acceleration,
         tick.error,
         tick.error_rate,
-        get(settings, 'terminal_c_1', lane),
-        get(settings, 'terminal_c_2', lane),
-        get(settings, 'terminal_k_1', lane),
-        get(settings, 'terminal_k_2', lane),
+        settings.terminal_c_1,
+        settings.terminal_c_2,
+        settings.terminal_k_1,
+        settings.terminal_k_2,
     )
-    return acceleration_torque(tick, get(memory, 'estimate', lane), acceleration)
+    return acceleration_torque(tick, memory.estimate, acceleration)
 
 
 TERMINAL = register(

@@ -13,9 +13,9 @@ errors grow with the task errors, and so does the switched term; k is for the di
 
 from __future__ import annotations
 
-from typing import Any
-
+from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
+from masmc_ros.law.fields import Memory
 from masmc_ros.law.law import Law, register
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.model import ESTIMATE, model_torque
@@ -23,9 +23,8 @@ from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.reaching.reaching import BOUNDARY_LAYER
 from masmc_ros.law.reaching.saturation import saturation
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.aliases import Axes, Joints
 from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.record import get
 from masmc_ros.numerics.tuples import elementwise
 
 PARAMETERS = (
@@ -37,6 +36,14 @@ PARAMETERS = (
 )
 
 
+class Settings(fields.Settings):
+    """Settings of the law."""
+
+    variable_structure_alpha: Axes
+    variable_structure_beta: Axes
+    variable_structure_k: Axes
+
+
 @formula
 def _switched(
     s: float, error: float, rate: float, alpha: float, beta: float, k: float, delta: float
@@ -46,19 +53,19 @@ def _switched(
 
 
 @formula
-def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
     """Return the joints' torques in N m."""
     u = elementwise(
         _switched,
         tick.surface,
         tick.error,
         tick.error_rate,
-        get(settings, 'variable_structure_alpha', lane),
-        get(settings, 'variable_structure_beta', lane),
-        get(settings, 'variable_structure_k', lane),
-        get(settings, 'boundary_layer', lane),
+        settings.variable_structure_alpha,
+        settings.variable_structure_beta,
+        settings.variable_structure_k,
+        settings.boundary_layer,
     )
-    return model_torque(tick, get(memory, 'estimate', lane), u)
+    return model_torque(tick, memory.estimate, u)
 
 
 VARIABLE_STRUCTURE = register(

@@ -185,7 +185,7 @@ def _propagate_inertia(
     to = read_part(inertias, body, 0, INERTIA)
     w, v = read_part(motion_subspaces, k, 0, VECTOR), read_part(motion_subspaces, k, 3, VECTOR)
     n, f = _answer(to, w, v)
-    pivot = inner(w, n) + inner(v, f) + model.numbers[rotor, model.lane]
+    pivot = inner(w, n) + inner(v, f) + model.numbers[rotor]
     p_n = read_part(inertias, body, _WRENCH, VECTOR)
     p_f = read_part(inertias, body, _WRENCH + 3, VECTOR)
     left = forces[k] - (inner(w, p_n) + inner(v, p_f))
@@ -240,7 +240,7 @@ def _move_base(
         across = read_part(motion_subspaces, i, 3, VECTOR)
         moment, force = _answer(to, along, across)
         for j in range(base):
-            rotor = model.numbers[rotors + i * size + j, model.lane]
+            rotor = model.numbers[rotors + i * size + j]
             matrix[i, j] = power(motion_subspaces, j, moment, force) + rotor
     factor(matrix)
     solve(matrix, x)

@@ -154,7 +154,7 @@ def write_forces(
     for row in range(size):
         total = forces[row]
         for other in range(size):
-            total += model.numbers[rotors + row * size + other, model.lane] * acceleration[other]
+            total += model.numbers[rotors + row * size + other] * acceleration[other]
         forces[row] = total
 
 
@@ -253,7 +253,7 @@ def write_inertia(model: TreeModel, posture: Posture, theta: Any, matrix: Any) -
         write_part(inertial_parameters, body, 0, moments_about_base(posture, theta, body))
     for row in range(size):
         for column in range(size):
-            matrix[row, column] = model.numbers[rotors + row * size + column, model.lane]
+            matrix[row, column] = model.numbers[rotors + row * size + column]
     for row in range(size - 1, -1, -1):
         body = max(row - base + 1, 0)
         moment, force = momentum(

@@ -18,8 +18,8 @@ from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.arrays import array_of, to_vector
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.elimination import factor, solve
+from masmc_ros.numerics.lanes import in_place
 from masmc_ros.numerics.portable_math import sin_cos
-from masmc_ros.numerics.record import get
 from masmc_ros.numerics.scalars import minus, zero
 from masmc_ros.numerics.scratch import copy_into, scratch
 from masmc_ros.numerics.tuples import elementwise, joined
@@ -90,9 +90,9 @@ def model_of_axes(count: int) -> Any:
     as_many = (0.0,) * count
 
     @formula
-    def model_of(record: Any, lane: int) -> TreeModel:
-        numbers = record['geometry']
-        return TreeModel(numbers, lane, axes_of(numbers, lane, as_many))
+    def model_of(record: Any) -> TreeModel:
+        numbers = in_place(record, 'geometry')
+        return TreeModel(numbers, axes_of(numbers, as_many))
 
     return model_of
 
@@ -222,7 +222,7 @@ def regressor_transpose_times(
 
 @formula
 def theta_step(
-    model: TreeModel, settings: Any, lane: int, theta: Numbers, gradient: Numbers, period: float
+    model: TreeModel, settings: Any, theta: Numbers, gradient: Numbers, period: float
 ) -> Numbers:
     """
     Return the parameters after a step of natural adaptation, or of independent adaptation.
@@ -230,19 +230,19 @@ def theta_step(
     The gain of a body is the entry of `gamma` for its mass; with projection, neither mass nor
     size of a body grows beyond `projection.upper` times the nominal one.
     """
-    gamma = get(settings, 'gamma', lane)
-    if get(settings, 'adaptation', lane) != NATURAL:
+    gamma = settings.gamma
+    if settings.adaptation != NATURAL:
         return elementwise(gradient_step, theta, gradient, gamma, period)
-    is_free = get(settings, 'projection_lower', lane) == 0.0
-    upper = 1.0e300 if is_free else get(settings, 'projection_upper', lane)
-    nominal = get(settings, 'nominal', lane)
+    is_free = settings.projection_lower == 0.0
+    upper = 1.0e300 if is_free else settings.projection_upper
+    nominal = settings.nominal
     return adapted(model, theta, nominal, gradient, gamma, period, upper)
 
 
 @formula
-def preserves_consistency(model: TreeModel, settings: Any, lane: int) -> bool:
+def preserves_consistency(model: TreeModel, settings: Any) -> bool:
     """Return True if the adaptation is natural."""
-    return get(settings, 'adaptation', lane) == NATURAL
+    return settings.adaptation == NATURAL
 
 
 @kernel

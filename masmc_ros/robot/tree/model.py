@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from masmc_ros.numerics.arrays import read_down
+from masmc_ros.numerics.arrays import read_along
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot.tree.spatial import ROTATION, Rotation, VECTOR, Vector
@@ -50,9 +50,7 @@ class TreeModel(NamedTuple):
     """Tree, its wheels, and its task."""
 
     numbers: Any
-    """(numbers, lanes) results of `packed` for each lane."""
-    lane: int
-    """Index of the parallel run."""
+    """Result of `packed`."""
     axes: tuple[float, ...] = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0)
     """Places of the task's axes among the coordinates of `task.py`."""
 
@@ -160,64 +158,64 @@ def _turned(tree: Tree) -> tuple[NDArray[np.float64], ...]:
 
 
 @formula
-def axes_of(numbers: Any, lane: int, template: tuple[float, ...]) -> tuple[float, ...]:
+def axes_of(numbers: Any, template: tuple[float, ...]) -> tuple[float, ...]:
     """Return the indices of the task axes, as a tuple as long as `template`."""
-    axes: tuple[float, ...] = read_down(numbers, _AXES, lane, template)
+    axes: tuple[float, ...] = read_along(numbers, _AXES, template)
     return axes
 
 
 @formula
 def axis_of(model: TreeModel, i: int) -> int:
     """Return the index of one task axis; for loops, in which tuples are slow."""
-    return int(model.numbers[_AXES + i, model.lane])
+    return int(model.numbers[_AXES + i])
 
 
 @formula
 def bodies_of(model: TreeModel) -> int:
     """Return the number of bodies, including the base."""
-    return int(model.numbers[0, model.lane])
+    return int(model.numbers[0])
 
 
 @formula
 def base_of(model: TreeModel) -> int:
     """Return the type of the base, which is the number of its velocities."""
-    return int(model.numbers[1, model.lane])
+    return int(model.numbers[1])
 
 
 @formula
 def frames_of(model: TreeModel) -> int:
     """Return the number of frames in the task."""
-    return int(model.numbers[2, model.lane])
+    return int(model.numbers[2])
 
 
 @formula
 def posture_gain_of(model: TreeModel) -> float:
     """Return the rate of joints to their preferred positions, in 1/s."""
-    return model.numbers[3, model.lane]
+    return model.numbers[3]
 
 
 @formula
 def damping_of(model: TreeModel) -> float:
     """Return kappa in 1/s."""
-    return model.numbers[4, model.lane]
+    return model.numbers[4]
 
 
 @formula
 def least_pivot_of(model: TreeModel) -> float:
     """Return the pivot below which the task is singular."""
-    return model.numbers[5, model.lane]
+    return model.numbers[5]
 
 
 @formula
 def drift_rate_of(model: TreeModel) -> float:
     """Return the rate of the drift estimate in 1/s; 0 without one."""
-    return model.numbers[6, model.lane]
+    return model.numbers[6]
 
 
 @formula
 def damped_time_of(model: TreeModel) -> float:
     """Return the inverse of the speed above which the task is damped; 0 without limits."""
-    return model.numbers[7, model.lane]
+    return model.numbers[7]
 
 
 @formula
@@ -228,27 +226,27 @@ def _body_begins(model: TreeModel, body: int) -> int:
 @formula
 def parent_of(model: TreeModel, body: int) -> int:
     """Return the number of the parent of a body."""
-    return int(model.numbers[_body_begins(model, body), model.lane])
+    return int(model.numbers[_body_begins(model, body)])
 
 
 @formula
 def joint_of(model: TreeModel, body: int) -> tuple[bool, Vector, Vector]:
     """Return if a body's joint turns, its axis and the body's origin in the parent's frame."""
-    numbers, lane = model.numbers, model.lane
+    numbers = model.numbers
     first = _body_begins(model, body)
-    axis: Vector = read_down(numbers, first + 2, lane, VECTOR)
-    offset: Vector = read_down(numbers, first + 32, lane, VECTOR)
-    return numbers[first + 1, lane] == REVOLUTE, axis, offset
+    axis: Vector = read_along(numbers, first + 2, VECTOR)
+    offset: Vector = read_along(numbers, first + 32, VECTOR)
+    return numbers[first + 1] == REVOLUTE, axis, offset
 
 
 @formula
 def rotation_of_joint(model: TreeModel, body: int, sine: float, cosine: float) -> Rotation:
     """Return a body's rotation in its parent's frame, of sine and cosine of the joint's angle."""
-    numbers, lane = model.numbers, model.lane
+    numbers = model.numbers
     first = _body_begins(model, body) + 5
-    around: Rotation = read_down(numbers, first, lane, ROTATION)
-    along: Rotation = read_down(numbers, first + 9, lane, ROTATION)
-    across: Rotation = read_down(numbers, first + 18, lane, ROTATION)
+    around: Rotation = read_along(numbers, first, ROTATION)
+    along: Rotation = read_along(numbers, first + 9, ROTATION)
+    across: Rotation = read_along(numbers, first + 18, ROTATION)
     return elementwise(_turned_entry, around, along, across, sine, cosine)
 
 
@@ -277,7 +275,7 @@ def mobility_begins(model: TreeModel) -> int:
 def rest_of(model: TreeModel, k: int) -> float:
     """Return the preferred position of a joint, in rad or m."""
     first, size, _ = _after_bodies(model)
-    return model.numbers[first + size + k, model.lane]
+    return model.numbers[first + size + k]
 
 
 @formula
@@ -298,9 +296,9 @@ def base_rates_begin(model: TreeModel) -> int:
 def limits_of(model: TreeModel, k: int) -> tuple[float, float, float]:
     """Return the ends of a joint's position, and the margin before them: 0 without limits."""
     first, size, base = _after_bodies(model)
-    numbers, lane = model.numbers, model.lane
+    numbers = model.numbers
     at = first + 2 * (size + base * base) + size * size + k
-    return numbers[at, lane], numbers[at + size, lane], numbers[at + 2 * size, lane]
+    return numbers[at], numbers[at + size], numbers[at + 2 * size]
 
 
 @formula
@@ -314,11 +312,11 @@ def inverse_speeds_begin(model: TreeModel) -> int:
 def frame_of(model: TreeModel, frame: int) -> tuple[int, Rotation, Vector]:
     """Return the body of a task frame, and the pose of the frame on it."""
     first, size, base = _after_bodies(model)
-    numbers, lane = model.numbers, model.lane
+    numbers = model.numbers
     at = first + 2 * (size + base * base) + size * size + 4 * size + _FRAME * frame
-    rotation: Rotation = read_down(numbers, at + 1, lane, ROTATION)
-    offset: Vector = read_down(numbers, at + 10, lane, VECTOR)
-    return int(numbers[at, lane]), rotation, offset
+    rotation: Rotation = read_along(numbers, at + 1, ROTATION)
+    offset: Vector = read_along(numbers, at + 10, VECTOR)
+    return int(numbers[at]), rotation, offset
 
 
 @formula

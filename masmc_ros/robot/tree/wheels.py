@@ -253,8 +253,8 @@ def _map(model: TreeModel, values: Any, transposed: bool, by_base_rates: bool) -
     along, across = (1, base) if transposed else (base, 1)
     for i in range(base):
         at = first + i * along
-        total = model.numbers[at, model.lane] * before[0]
-        total += model.numbers[at + across, model.lane] * before[1]
+        total = model.numbers[at] * before[0]
+        total += model.numbers[at + across] * before[1]
         if base > 2:
-            total += model.numbers[at + 2 * across, model.lane] * before[2]
+            total += model.numbers[at + 2 * across] * before[2]
         values[i] = total

@@ -21,6 +21,7 @@ from typing import Any
 
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.hermite import quintic
+from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.numerics.limits import clipped
 from masmc_ros.numerics.portable_math import angle_of, sin_cos
 from masmc_ros.robot import mechanism
@@ -85,8 +86,9 @@ def approach_start(
     `distance` (12) and `motion` (4) are those of rho, psi, x_F and y_F; `start` (4) is x. Returns
     the longest way of the end effector on an axis in m.
     """
-    model = mechanism.model_of(body[0], 0)
-    x, x_dot = task_state(body[0], position, rates)
+    robot = lane_of(body[0], 0)
+    model = mechanism.model_of(robot)
+    x, x_dot = task_state(robot, position, rates)
     rho, rate, _, c, s, turn, _ = _polar(
         x[0] - x[2], x[1] - x[3], x_dot[0] - x_dot[2], x_dot[1] - x_dot[3], 0.0, 0.0
     )
@@ -124,7 +126,7 @@ def approach_sample(
     out: Any,
 ) -> None:
     """Write what is followed (12) at `part` (0 to 1) of an approach of so many s."""
-    model = mechanism.model_of(body[0], 0)
+    model = mechanism.model_of(lane_of(body[0], 0))
     rho, rate, change, c, s, turn, turn_rate = _arm_of(reference)
     at_start = math.sqrt((start[0] - start[2]) ** 2 + (start[1] - start[3]) ** 2)
     # A blend without velocity and acceleration at both ends.

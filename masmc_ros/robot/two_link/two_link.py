@@ -14,7 +14,6 @@ from typing import Any
 
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.portable_math import sin_cos
-from masmc_ros.numerics.record import get
 from masmc_ros.robot.forward_dynamics import joint_accelerations
 from masmc_ros.robot.gradient_step import preserves_consistency, theta_step
 from masmc_ros.robot.square_task import (
@@ -68,9 +67,9 @@ MODEL = Geometry
 
 
 @formula
-def model_of(record: Any, lane: int) -> Geometry:
+def model_of(record: Any) -> Geometry:
     """Return the lengths that a record holds."""
-    lengths = get(record, 'geometry', lane)
+    lengths = record.geometry
     return Geometry(lengths[0], lengths[1], lengths[2], lengths[3], lengths[4])
 
 

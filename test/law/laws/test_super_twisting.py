@@ -22,7 +22,6 @@ from masmc_ros.law.sliding.super_twisting import (
 )
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.tuples import elementwise
 import numpy as np
 import pytest
@@ -139,13 +138,13 @@ def _integrated(w: float, s: float, k_2: float, period: float) -> float:
 
 
 @formula
-def _torque(settings: Any, tick: Tick, memory: Any, lane: int) -> tuple[float, ...]:
-    w = get(memory, 'super_twisting_w', lane)
-    nu = elementwise(_explicit, tick.surface, w, get(settings, 'super_twisting_k_1', lane))
-    k_2 = get(settings, 'super_twisting_k_2', lane)
+def _torque(settings: Any, tick: Tick, memory: Any) -> tuple[float, ...]:
+    w = memory.super_twisting_w
+    nu = elementwise(_explicit, tick.surface, w, settings.super_twisting_k_1)
+    k_2 = settings.super_twisting_k_2
     w = elementwise(_integrated, w, tick.surface, k_2, tick.period)
-    put(memory, 'super_twisting_w', lane, w)
-    return surface_torque(tick, get(memory, 'estimate', lane), get(settings, 'sigma', lane), nu)
+    memory.super_twisting_w = w
+    return surface_torque(tick, memory.estimate, settings.sigma, nu)
 
 
 def test_super_twisting_chatters_less_than_explicit_form(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -25,7 +25,6 @@ from typing import Any
 
 from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula, kernel
-from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import minus
 from masmc_ros.numerics.tuples import dot, elementwise, least
 from masmc_ros.robot.tree.kinematics import Posture
@@ -92,7 +91,6 @@ def follow_drift(
     posture: Posture,
     settings: Any,
     memory: Any,
-    lane: int,
     motion: Numbers,
     reference: Numbers,
     surface: Numbers,
@@ -100,19 +98,19 @@ def follow_drift(
 ) -> None:
     """Update the estimated drift in the memory; it is zero with commanded rates."""
     rate = drift_rate_of(model)
-    if (rate > 0.0) & (get(settings, 'takes_rates', lane) == 0):
-        period, gain = get(settings, 'period', lane), get(memory, 'drift_gain', lane)
+    if (rate > 0.0) & (settings.takes_rates == 0):
+        period, gain = settings.period, memory.drift_gain
         error = elementwise(minus, motion, reference)
-        predicted = get(memory, 'drift_predicted', lane)
+        predicted = memory.drift_predicted
         is_reached = dot(surface, surface) <= REACHED * REACHED
         if is_reached & (predicted[0] == predicted[0]):
-            drift = get(memory, 'drift', lane)
+            drift = memory.drift
             drift = elementwise(_corrected, drift, error, predicted, gain / period)
-            put(memory, 'drift', lane, _unseen(model, posture, drift))
+            memory.drift = _unseen(model, posture, drift)
             slowest = rate * period / (1.0 + rate * period)
-            put(memory, 'drift_gain', lane, max(slowest, gain / (1.0 + gain)))
-        limited = elementwise(_limited, get(memory, 'drift_limited', lane), missing, period)
-        put(memory, 'drift_limited', lane, limited)
+            memory.drift_gain = max(slowest, gain / (1.0 + gain))
+        limited = elementwise(_limited, memory.drift_limited, missing, period)
+        memory.drift_limited = limited
         persists = least(elementwise(_ahead, limited, LONGEST_LIMITED)) < 0.0
         share = np.nan if persists else 1.0 - damping_of(model) * period
-        put(memory, 'drift_predicted', lane, elementwise(_decayed, error, share))
+        memory.drift_predicted = elementwise(_decayed, error, share)

@@ -51,7 +51,7 @@ import numpy as np
 @formula
 def _mobility(model: TreeModel, posture: Posture, k: int, rate: float) -> tuple[float, float]:
     """Return the mobility of a velocity, and its derivative at a rate of the joint."""
-    mobility = model.numbers[mobility_begins(model) + k, model.lane]
+    mobility = model.numbers[mobility_begins(model) + k]
     lower, upper, margin = limits_of(model, k)
     if margin == 0.0:
         return mobility, 0.0
@@ -134,14 +134,14 @@ def _limit_speeds(model: TreeModel, v_r: Any, a_r: Any) -> None:
     into_wheels(model, speeds, False)
     excess, fastest = 1.0, 0
     for k in range(size):
-        ratio = abs(speeds[k]) * model.numbers[first + k, model.lane]
+        ratio = abs(speeds[k]) * model.numbers[first + k]
         if ratio > excess:
             excess, fastest = ratio, k
     if excess > 1.0:
         sign = 1.0 if speeds[fastest] > 0.0 else -1.0
         copy_into(speeds, a_r)
         into_wheels(model, speeds, False)
-        change = sign * speeds[fastest] * model.numbers[first + fastest, model.lane] / excess
+        change = sign * speeds[fastest] * model.numbers[first + fastest] / excess
         for k in range(size):
             a_r[k] = (a_r[k] - change * v_r[k]) / excess
             v_r[k] /= excess

@@ -1,0 +1,63 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Types of the settings and the memory that every law has.
+
+They have no values: formulas get a lane of a record (`numerics.lanes`) with these fields. Editors
+complete the names, and mypy checks them. A law with own parameters or memory derives classes with
+its fields, next to its declarations; `test/law/test_field_types.py` compares both.
+"""
+
+from __future__ import annotations
+
+from masmc_ros.numerics.aliases import Axes, Joints, Numbers, Parameters
+
+
+class Settings:
+    """Values of the parameters that every law has; choices are indices."""
+
+    geometry: Numbers
+    nominal: Parameters
+    period: float
+    takes_rates: int
+    group: tuple[int, ...]
+    k_s1: Axes
+    k_s2: Axes
+    sigma: Axes
+    gamma: Parameters
+    boundary_layer: float
+    observer_gain: float
+    slip_backoff: float
+    model_scale: float
+    leakage: float
+    e_modification: float
+    dead_zone: float
+    projection_lower: float
+    projection_upper: float
+    freeze_when_saturated: int
+    torque_limit: Joints
+    torque_rate_limit: Joints
+    velocity_source: int
+    estimator_bandwidth: float
+    enable_stamped_cmd_vel: int
+
+
+class Memory:
+    """State that every law has, with that of the reaching terms."""
+
+    estimate: Parameters
+    estimator_initialised: int
+    left_out: int
+    angles: Joints
+    rates: Joints
+    unmodelled: Joints
+    felt: Joints
+    commanded: Joints
+    drift: Joints
+    drift_predicted: Joints
+    drift_limited: Joints
+    drift_gain: float
+    velocity_command: Joints
+    disturbance: Axes
+    predicted: Axes

@@ -1,0 +1,224 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+One lane of a record, whose fields are attributes.
+
+Kernels and loops over lanes create it by `lane_of(record, lane)`. Formulas read `memory.estimate`,
+a number or a vector, and write `memory.estimate = value`. Reading returns a copy.
+
+In compiled code a lane is a pointer to the record and the index of the lane. LLVM keeps both in
+registers and turns each attribute into one load or store per component, with the index of the lane
+innermost, so loops over lanes vectorise.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from masmc_ros.numerics.generated import Compiler, generated
+from masmc_ros.numerics.scratch import array_over
+from masmc_ros.numerics.tuples import entry_place, is_array, LONGEST, new_vector, VECTOR
+from numba import types
+from numba.core import cgutils
+from numba.core.errors import TypingError
+from numba.core.typing.templates import AttributeTemplate
+from numba.extending import (
+    infer_getattr,
+    lower_getattr_generic,
+    lower_setattr_generic,
+    models,
+    register_model,
+)
+import numpy as np
+
+
+class Lane:
+    """One lane of a record in plain Python."""
+
+    __slots__ = '_lane', '_record'
+
+    def __init__(self, record: Any, lane: int) -> None:
+        """Initialise the lane of an entry of an array of records."""
+        object.__setattr__(self, '_record', record)
+        object.__setattr__(self, '_lane', lane)
+
+    @property
+    def dtype(self) -> Any:
+        """Return the type of the record."""
+        return self._record.dtype
+
+    def __getattr__(self, name: str) -> Any:
+        """Return a field: a number, or a vector of its components."""
+        values = self._values(name)
+        if values.ndim == 0:
+            return values[()]
+        return tuple(values) if len(values) <= LONGEST else values.copy()
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Write a number or a vector into a field."""
+        self._values(name)[...] = value
+
+    def _values(self, name: str) -> Any:
+        if name not in self.dtype.names:
+            raise AttributeError(_unknown(name, self.dtype.names), name=name, obj=self)
+        return self._record[name][..., self._lane]
+
+
+def _unknown(name: str, fields: Any) -> str:
+    known = ', '.join(field for field in fields if field.isidentifier())
+    return f'no field {name!r}; known are {known}'
+
+
+class LaneType(types.Type):
+    """Type of one lane of a record in compiled code."""
+
+    def __init__(self, record: types.Record) -> None:
+        """Initialise the type for a type of records."""
+        self.record = record
+        super().__init__(f'Lane({record.name})')
+
+    @property
+    def key(self) -> Any:
+        """Return the identity of the type."""
+        return self.record
+
+    @property
+    def mangling_args(self) -> Any:
+        """Return the short name of the type in symbols."""
+        return 'Lane', (self.record,)
+
+    def _array(self, name: str) -> Any:
+        return self.record.fields[name].type
+
+    def number(self, name: str) -> Any:
+        """Return the type of a component of a field."""
+        return self._array(name).dtype
+
+    def shape(self, name: str) -> tuple[int, ...]:
+        """Return the shape of a field: (lanes) or (components, lanes)."""
+        return tuple(self._array(name).shape)
+
+    def type_of(self, name: str) -> Any:
+        """Return the type of a field when it is read."""
+        shape = self.shape(name)
+        if len(shape) == 1:
+            return self.number(name)
+        return types.UniTuple(self.number(name), shape[0]) if shape[0] <= LONGEST else VECTOR
+
+    def array_of(self, name: str) -> Any:
+        """Return the type of the components of a field as an array."""
+        return types.Array(self.number(name), 1, 'C' if self.shape(name)[-1] == 1 else 'A')
+
+
+@register_model(LaneType)
+class _LaneModel(models.StructModel):
+    def __init__(self, manager: Any, kind: LaneType) -> None:
+        super().__init__(manager, kind, [('record', kind.record), ('lane', types.intp)])
+
+
+@infer_getattr
+class _Attributes(AttributeTemplate):
+    key = LaneType
+
+    def generic_resolve(self, kind: LaneType, name: str) -> Any:  # type: ignore[override]
+        if name not in kind.record.fields:
+            raise TypingError(_unknown(name, kind.record.fields))
+        return kind.type_of(name)
+
+
+def lane_of(record: Any, lane: int) -> Any:
+    """Return one lane of a record, or of an array (..., lanes) the view of its entries."""
+    return record[..., lane] if isinstance(record, np.ndarray) else Lane(record, lane)
+
+
+def _type_of_lane(context: Any, record: Any, lane: Any) -> Any:
+    if is_array(record):
+        return types.Array(record.dtype, record.ndim - 1, 'A')
+    return LaneType(record) if isinstance(record, types.Record) else None
+
+
+@generated(lane_of, _type_of_lane)
+def _lane_of(compiler: Compiler, kinds: Any, values: Any) -> Any:
+    lane = compiler.cast(values[1], kinds[1], types.intp)
+    if not is_array(kinds[0]):
+        return cgutils.pack_struct(compiler.builder, [values[0], lane])
+    # Without an owner, reference counting does not prevent loops over lanes from vectorising.
+    context, build = compiler.context, compiler.builder
+    whole = context.make_array(kinds[0])(context, build, values[0])
+    part = context.make_array(compiler.result)(context, build)
+    part.meminfo = cgutils.get_null_value(part.meminfo.type)
+    part.parent = cgutils.get_null_value(part.parent.type)
+    lengths, strides = (
+        cgutils.unpack_tuple(build, shape)[:-1] for shape in (whole.shape, whole.strides)
+    )
+    part.data, part.itemsize = build.gep(whole.data, [lane]), whole.itemsize
+    part.nitems = build.sdiv(whole.nitems, build.extract_value(whole.shape, kinds[0].ndim - 1))
+    part.shape, part.strides = (cgutils.pack_array(build, sizes) for sizes in (lengths, strides))
+    return part._getvalue()
+
+
+def in_place(lane: Any, name: str) -> Any:
+    """Return a vector of one lane as an array (components) that reads and writes the record."""
+    return lane._values(name)
+
+
+def _type_of_array(context: Any, lane: Any, name: Any) -> Any:
+    is_known = isinstance(lane, LaneType) and isinstance(name, types.StringLiteral)
+    return lane.array_of(name.literal_value) if is_known else None
+
+
+@generated(in_place, _type_of_array)
+def _in_place(compiler: Compiler, kinds: Any, values: Any) -> Any:
+    name = kinds[1].literal_value
+    count, lanes = kinds[0].shape(name)
+    first = _component(compiler, kinds[0], values[0], name, 0)
+    length = compiler.context.get_constant(types.intp, count)
+    return array_over(compiler, compiler.result, first, [length], steps=lanes)
+
+
+@lower_getattr_generic(LaneType)
+def _read(context: Any, builder: Any, kind: LaneType, value: Any, name: str) -> Any:
+    compiler = Compiler(context, builder, kind.type_of(name))
+    count = kind.shape(name)[0]
+    if is_array(compiler.result):
+        size = context.get_constant(types.intp, count)
+        out = new_vector(compiler, size)
+        with cgutils.for_range(builder, size) as loop:
+            place = _component(compiler, kind, value, name, loop.index)
+            builder.store(builder.load(place), entry_place(compiler, VECTOR, out, loop.index))
+        return out
+    if not isinstance(compiler.result, types.BaseTuple):
+        return builder.load(_component(compiler, kind, value, name, 0))
+    return compiler.tuple_of([
+        builder.load(_component(compiler, kind, value, name, i)) for i in range(count)
+    ])
+
+
+@lower_setattr_generic(LaneType)
+def _write(context: Any, builder: Any, signature: Any, values: Any, name: str) -> None:
+    # Numba has converted the value to the type of the field.
+    kind, value_kind = signature.args
+    compiler = Compiler(context, builder, value_kind)
+    count = kind.shape(name)[0]
+    if is_array(value_kind):
+        with cgutils.for_range(builder, context.get_constant(types.intp, count)) as loop:
+            number = builder.load(entry_place(compiler, VECTOR, values[1], loop.index))
+            builder.store(number, _component(compiler, kind, values[0], name, loop.index))
+        return
+    entries = [values[1]]
+    if isinstance(value_kind, types.BaseTuple):
+        entries = compiler.entries(values[1], value_kind)
+    for i, entry in enumerate(entries):
+        builder.store(entry, _component(compiler, kind, values[0], name, i))
+
+
+def _component(compiler: Compiler, kind: LaneType, value: Any, name: str, i: Any) -> Any:
+    """Return a pointer to component i of a field; i is a number or an instruction."""
+    build = compiler.builder
+    record, lane = (build.extract_value(value, k) for k in range(2))
+    number = compiler.context.get_data_type(kind.number(name))
+    start = cgutils.get_record_member(build, record, kind.record.fields[name].offset, number)
+    lanes = kind.shape(name)[-1]
+    beyond = lane.type(i * lanes) if isinstance(i, int) else build.mul(i, lane.type(lanes))
+    return build.gep(start, [build.add(lane, beyond)])
