@@ -108,6 +108,10 @@ class Law:
     uses_switching: bool = True
     most_parameters: int | None = None
 
+    def __post_init__(self) -> None:
+        """Make the law available to compiled code under its name."""
+        _registered[self.name] = self
+
     def fits(self, mechanism: Mechanism) -> bool:
         """Return True if the law supports a robot of this type."""
         return self.most_parameters is None or len(mechanism.theta) <= self.most_parameters
@@ -119,12 +123,6 @@ class Law:
 
 
 _registered: dict[str, Law] = {}
-
-
-def register(law: Law) -> Law:
-    """Make a law available to compiled code under its name, and return it."""
-    _registered[law.name] = law
-    return law
 
 
 _dispatch = interface(by_tag('law', lambda name: _registered[name.split(' ')[0]].formulas))

@@ -11,7 +11,7 @@ After the tick, theta_hat changes by an explicit Euler step of d theta_hat / dt 
 from __future__ import annotations
 
 from masmc_ros.law.fields import Memory, Settings
-from masmc_ros.law.law import Law, register
+from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import adapt, GAMMA, project
 from masmc_ros.law.reaching.reaching import correct
 from masmc_ros.law.smc import SMC, torque
@@ -27,15 +27,13 @@ def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, held: Joi
     adapt(settings, tick, memory, raw, held)
 
 
-RASMC = register(
-    Law(
-        'rasmc',
-        torque,
-        (*SMC.parameters, GAMMA),
-        SMC.memory,
-        learn,
-        project,
-        summary='sliding mode control with adaptation of the base inertial parameters',
-        source='(17) and (23) of the paper',
-    )
+RASMC = Law(
+    'rasmc',
+    torque,
+    (*SMC.parameters, GAMMA),
+    SMC.memory,
+    learn,
+    project,
+    summary='sliding mode control with adaptation of the base inertial parameters',
+    source='(17) and (23) of the paper',
 )

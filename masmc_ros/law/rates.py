@@ -11,7 +11,7 @@ v_r + T a_r / 2 is v_r in the middle of the period for which it is held.
 from __future__ import annotations
 
 from masmc_ros.law.fields import Memory, Settings
-from masmc_ros.law.law import Law, register
+from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.surface import SIGMA
@@ -38,6 +38,4 @@ def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
     return elementwise(zero, memory.commanded)
 
 
-RATES = register(
-    Law('rates', torque, (SIGMA,), (ESTIMATE,), post_update=project, uses_switching=False)
-)
+RATES = Law('rates', torque, (SIGMA,), (ESTIMATE,), post_update=project, uses_switching=False)

@@ -26,7 +26,7 @@ from masmc_ros.law.feedback.nonlinear_feedback import NONLINEAR_FEEDBACK
 from masmc_ros.law.feedback.null_space import NULL_SPACE
 from masmc_ros.law.feedback.pd_gravity import PD_GRAVITY
 from masmc_ros.law.feedback.pid import PID
-from masmc_ros.law.law import Law, register
+from masmc_ros.law.law import Law
 from masmc_ros.law.observing.momentum_observer import MOMENTUM_OBSERVER
 from masmc_ros.law.observing.time_delay import TIME_DELAY
 from masmc_ros.law.parts import adaptation, command_limits, model, velocity_estimator
@@ -118,10 +118,8 @@ def load(name: str) -> Law | type[PlugInLaw]:
     if name in LAWS:
         return LAWS[name]
     law: Law | type[PlugInLaw] = load_plug_in(ENTRY_POINTS, 'law', name)
-    if isinstance(law, Law):
-        if law.name != name:
-            raise InputError(f'law = {name}: its Law is called {law.name}, expected {name}')
-        register(law)
+    if isinstance(law, Law) and law.name != name:
+        raise InputError(f'law = {name}: its Law is called {law.name}, expected {name}')
     return law
 
 

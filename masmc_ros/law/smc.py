@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from masmc_ros.law.fields import Memory, Settings
-from masmc_ros.law.law import Law, register
+from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.model import ESTIMATE, model_torque
 from masmc_ros.law.parts.surface import SIGMA
@@ -23,15 +23,13 @@ def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
     return model_torque(tick, memory.estimate, u)
 
 
-SMC = register(
-    Law(
-        'smc',
-        torque,
-        (*GAINS, SIGMA),
-        (ESTIMATE,),
-        correct,
-        project,
-        summary='sliding mode control with the nominal model',
-        source='(15) of the paper',
-    )
+SMC = Law(
+    'smc',
+    torque,
+    (*GAINS, SIGMA),
+    (ESTIMATE,),
+    correct,
+    project,
+    summary='sliding mode control with the nominal model',
+    source='(15) of the paper',
 )

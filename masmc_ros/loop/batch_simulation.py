@@ -21,6 +21,7 @@ from masmc_ros.law.rates import RATES
 from masmc_ros.law.registry import load_for
 from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import closed_loop, plant_start, post_update
+from masmc_ros.loop.dry_run import check
 from masmc_ros.loop.simulated_robot import delay_line, RIGID, write_plant, write_start
 from masmc_ros.loop.timing import Timing
 from masmc_ros.numerics.record import fill
@@ -76,6 +77,7 @@ class BatchSimulation:
         if self.timing.last is None:
             raise InputError('duration = 0.0: expected a length > 0 s')
         self._trajectory = Trajectory(first['trajectory'], self.timing.period, robot)
+        check(law, mechanism, control['switching'])
         self._settings = records.law_settings(mechanism, law, control['switching'], lanes)
         self._learned = records.law_memory(mechanism, law, lanes)
         self._plant = records.plant_settings(mechanism, lanes)

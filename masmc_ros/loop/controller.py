@@ -24,6 +24,7 @@ from masmc_ros.loop.closed_loop import (
     SINGULAR,
 )
 from masmc_ros.loop.dense import tick_input
+from masmc_ros.loop.dry_run import check
 from masmc_ros.loop.signals import inputs, SIGNALS
 from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.compiled import bound
@@ -258,6 +259,7 @@ class Controller:
             plug_in = law()
             # Limits and estimator of a plain-Python law are those of a built-in law.
             law = registry.LAWS['smc']
+        check(law, self.mechanism, values['switching'])
         settings = records.law_settings(self.mechanism, law, values['switching'])
         records.write_law(settings, self.robot, self.period, values)
         read = records.read_by(settings, self.mechanism)

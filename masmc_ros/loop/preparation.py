@@ -19,13 +19,13 @@ from contextlib import redirect_stdout, suppress
 import json
 import os
 from pathlib import Path
-import re
 import subprocess
 import sys
 from threading import Lock, Thread
 import time
 from typing import Any, NamedTuple
 
+from masmc_ros.errors import UserError
 from masmc_ros.law import registry
 from masmc_ros.law.command_interface import COMMAND_INTERFACE, takes_rates
 from masmc_ros.law.law import Law
@@ -35,6 +35,7 @@ from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import control_tick, estimate_velocity, limit_torque, post_update
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.dense import dense
+from masmc_ros.loop.dry_run import check
 from masmc_ros.loop.signals import inputs
 from masmc_ros.numerics.compiled import (
     bound,
@@ -56,10 +57,6 @@ _NICE_OF_REQUEST, _NICE_OF_PREPARATION = 5, 19
 
 _LONGEST_REASON = 200
 """Largest number of logged characters of the cause of an error."""
-
-_NUMBA_FAILED = 'Failed in nopython mode pipeline'
-_PLACE = re.compile(r'File "(?:.*/)?([^/"]+)", line (\d+)')
-"""Texts in front of a cause and its place in errors of Numba."""
 
 Values = Mapping[str, Any]
 
@@ -167,6 +164,7 @@ def load(mechanism: Mechanism, which: Iterable[Law]) -> None:
     """
     for law in which:
         for switching in registry.SWITCHING if law.uses_switching else ('',):
+            check(law, mechanism, switching)
             code_of_law(mechanism, law, switching).load()
     # All laws in plain Python have the same code around them.
     for name in plain_laws()[:1]:
@@ -413,25 +411,10 @@ def _text(values: Values) -> str:
 
 
 def _one_line(error: BaseException) -> str:
-    """
-    Return the innermost cause of an error in one line.
-
-    Numba's errors are pages long: they contain an error for each function on the way to the cause,
-    with the types of all arguments.
-    """
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    starts = [k for k, line in enumerate(lines) if _NUMBA_FAILED in line]
-    if starts and starts[-1] + 1 < len(lines):
-        lines = lines[starts[-1] + 1:]
-        ends = [k for k, line in enumerate(lines) if line.startswith('raised from')]
-        lines = lines[: ends[0]] if ends and ends[0] else lines
-        place = next((match for match in map(_PLACE.search, lines) if match), None)
-        where = f' ({place[1]}, line {place[2]})' if place else ''
-        return f'{_shortened(lines[0])}{where}'
-    return _shortened(f'{type(error).__name__}: {" ".join(lines)}')
-
-
-def _shortened(text: str) -> str:
+    """Return an error in one line."""
+    if isinstance(error, UserError):
+        return str(error)
+    text = f'{type(error).__name__}: {" ".join(str(error).split())}'
     return text if len(text) <= _LONGEST_REASON else f'{text[:_LONGEST_REASON]} ...'
 
 
@@ -470,7 +453,11 @@ def main() -> None:
             if values is None:
                 _prepare_all(mechanism)
             else:
-                code_for(mechanism, values).load()
+                code = code_for(mechanism, values)
+                law = registry.load_for(values['law'], mechanism)
+                if isinstance(law, Law) and not takes_rates(values):
+                    check(law, mechanism, values['switching'])
+                code.load()
     except Exception as error:
         print(_one_line(error))
         sys.exit(1)

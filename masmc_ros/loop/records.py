@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 import hashlib
 import inspect
 import math
@@ -120,9 +120,16 @@ def signals(mechanism: Mechanism, lanes: int = 1) -> Records:
     return new_record(SIGNALS, mechanism.sizes, lanes)
 
 
-def read_by(settings: Records, mechanism: Mechanism) -> tuple[tuple[Parameter, str], ...]:
-    """Return the parameters with a field in the settings of a law, and the names of the fields."""
-    fields = ((parameter, field_of(parameter)) for parameter in parameters(mechanism))
+def read_by(
+    settings: Records, mechanism: Mechanism, declared: Iterable[Parameter] | None = None
+) -> tuple[tuple[Parameter, str], ...]:
+    """
+    Return the parameters with a field in the settings of a law, and the names of the fields.
+
+    `declared` are the parameters; None for those of all installed laws.
+    """
+    declared = parameters(mechanism) if declared is None else declared
+    fields = ((parameter, field_of(parameter)) for parameter in declared)
     names = settings.dtype.names or ()
     return tuple(
         (parameter, field.name) for parameter, field in fields if field and field.name in names

@@ -18,18 +18,21 @@ fused multiply-add, because runs are bitwise identical on every machine.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache, cached_property, update_wrapper
 import gc
 import hashlib
 import os
 from pathlib import Path
 import sys
+from threading import local
 from types import FunctionType
 from typing import Any, cast
 
 from masmc_ros.errors import UserError
 from masmc_ros.numerics.code_files import CodeFiles
+from masmc_ros.numerics.compiler_errors import COMPILER_ERRORS, explained
 from masmc_ros.user_folder import runtime_folder
 from numba import __version__ as numba_version
 from numba import config, njit, typeof
@@ -107,7 +110,45 @@ class Formula:
 
     def __call__(self, *arguments: Any) -> Any:
         """Call it from Python."""
-        return self._of_python(*arguments)
+        return (self.py_func if _is_interpreting() else self._of_python)(*arguments)
+
+
+class Kernel(Formula):
+    """Compiled function that Python calls; the attributes are those of Numba's dispatcher."""
+
+    def __init__(self, function: Callable[..., Any], compiled: Any) -> None:
+        """Initialise the kernel of a function in plain Python."""
+        super().__init__(function)
+        self.__dict__['_compiled'] = self.__dict__['_of_python'] = compiled
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call it from Python; raise InputError with one line if it cannot be compiled."""
+        try:
+            return super().__call__(*arguments)
+        except COMPILER_ERRORS as error:
+            raise explained(error) from error
+
+    def __getattr__(self, name: str) -> Any:
+        """Return an attribute of the dispatcher."""
+        return getattr(self.__dict__['_compiled'], name)
+
+
+_thread = local()
+
+
+def _is_interpreting() -> bool:
+    return getattr(_thread, 'is_interpreting', False)
+
+
+@contextmanager
+def interpreted() -> Iterator[None]:
+    """Let this thread run formulas and kernels as plain Python."""
+    before = _is_interpreting()
+    _thread.is_interpreting = True
+    try:
+        yield
+    finally:
+        _thread.is_interpreting = before
 
 
 def formula(function: Callable[..., Any]) -> Any:
@@ -124,12 +165,14 @@ def inlined(function: Callable[..., Any]) -> Any:
     and what itself calls nearly everything is most of the compiler's time.
     """
     settings: Any = config  # its attributes are made when it is imported
-    return function if settings.DISABLE_JIT else njit(inline='always')(function)
+    return function if settings.DISABLE_JIT else Kernel(function, njit(inline='always')(function))
 
 
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile a function over arrays and keep its machine code on disk."""
-    return _compile(function)
+    compiled = _compile(function)
+    settings: Any = config  # its attributes are made when it is imported
+    return compiled if settings.DISABLE_JIT else Kernel(function, compiled)
 
 
 def is_interpreted(kernel: Any) -> bool:
@@ -141,6 +184,8 @@ def bound(kernel: Any, *arguments: Any) -> Callable[..., Any]:
     """
     Return a kernel as it is for the types of these arguments, compiled if need be.
 
+    Raises InputError with one line if it cannot be compiled.
+
     It accepts only arguments of the same types. A kernel checks the types at every call, which
     takes longer than a control tick.
     """
@@ -149,7 +194,10 @@ def bound(kernel: Any, *arguments: Any) -> Callable[..., Any]:
     types = tuple(map(typeof, arguments))
     # Loaded code is used without Numba's lock, which another thread may hold for a long time.
     loaded = kernel.overloads.get(types)
-    code = kernel.compile(types) if loaded is None else loaded.entry_point
+    try:
+        code = kernel.compile(types) if loaded is None else loaded.entry_point
+    except COMPILER_ERRORS as error:
+        raise explained(error) from error
     return cast(Callable[..., Any], code)
 
 

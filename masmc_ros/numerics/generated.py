@@ -24,6 +24,13 @@ from numba.extending import lower_builtin
 Type = Any
 """Type of Numba; its attributes depend on the type."""
 
+_plain_functions: set[Callable[..., Any]] = set()
+
+
+def is_generated(function: Callable[..., Any]) -> bool:
+    """Return True if compiled code can call a plain function because its code is generated."""
+    return function in _plain_functions
+
 
 def generated(plain: Callable[..., Any], result: Callable[..., Any]) -> Callable[..., Any]:
     """
@@ -47,6 +54,7 @@ def generated(plain: Callable[..., Any], result: Callable[..., Any]) -> Callable
             return_type = result(self.context, *args)
             return None if return_type is None else signature(return_type, *args)
 
+    _plain_functions.add(plain)
     infer_global(plain, types.Function(type(f'Of_{plain.__name__}', (Template,), {})))
 
     def decorate(write: Callable[..., Any]) -> Callable[..., Any]:

@@ -70,6 +70,9 @@ def _length(compiler: Compiler, kind: types.Type, value: Any) -> Any:
 def elementwise(function: Callable[..., Any], *arguments: Any) -> Any:
     """Return the vector of function(a, b, ...) by entries; a number applies to all entries."""
     vectors = [a for a in arguments if isinstance(a, tuple | np.ndarray)]
+    lengths = [len(vector) for vector in vectors]
+    if len(set(lengths)) != 1:
+        raise ValueError(f'elementwise: expected vectors of one length, got {lengths}')
     entries = (
         function(*(a[i] if isinstance(a, tuple | np.ndarray) else a for a in arguments))
         for i in range(len(vectors[0]))

@@ -42,7 +42,6 @@ CHANGED_TOGETHER = 'law = broken, k_s1 = [7.0, '
 BROKEN = '''
 from dataclasses import replace
 
-from masmc_ros.law.law import register
 from masmc_ros.law.smc import SMC
 from masmc_ros.numerics.compiled import formula
 
@@ -52,7 +51,7 @@ def torque(settings, tick, memory):
     return no_such_name + 1.0
 
 
-BROKEN = register(replace(SMC, name='broken', torque=torque))
+BROKEN = replace(SMC, name='broken', torque=torque)
 '''
 
 

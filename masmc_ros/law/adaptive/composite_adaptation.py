@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 
 from masmc_ros.law import fields
-from masmc_ros.law.law import Law, register
+from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import adapt_along, project, tracking_gradient
 from masmc_ros.law.parts.last_period import last_regressor
 from masmc_ros.law.rasmc import RASMC
@@ -138,15 +138,13 @@ def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, held: Joi
     memory.composite_adaptation_velocity = tick.velocity
 
 
-COMPOSITE_ADAPTATION = register(
-    Law(
-        'composite_adaptation',
-        RASMC.torque,
-        PARAMETERS,
-        MEMORY,
-        learn,
-        project,
-        summary='rasmc that learns from the error of its predicted acceleration as well',
-        source='Slotine and Li 1989',
-    )
+COMPOSITE_ADAPTATION = Law(
+    'composite_adaptation',
+    RASMC.torque,
+    PARAMETERS,
+    MEMORY,
+    learn,
+    project,
+    summary='rasmc that learns from the error of its predicted acceleration as well',
+    source='Slotine and Li 1989',
 )

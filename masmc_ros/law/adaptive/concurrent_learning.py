@@ -21,7 +21,7 @@ import math
 from typing import Any
 
 from masmc_ros.law import fields
-from masmc_ros.law.law import Law, register
+from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import adapt_along, project, tracking_gradient
 from masmc_ros.law.parts.last_period import last_regressor
 from masmc_ros.law.rasmc import RASMC
@@ -396,16 +396,14 @@ def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, held: Joi
     memory.concurrent_learning_velocity = tick.velocity
 
 
-CONCURRENT_LEARNING = register(
-    Law(
-        'concurrent_learning',
-        RASMC.torque,
-        PARAMETERS,
-        MEMORY,
-        learn,
-        project,
-        summary='rasmc with additional adaptation to a finite stack of recorded data',
-        source='Chowdhary and Johnson 2010 and 2011',
-        most_parameters=32,
-    )
+CONCURRENT_LEARNING = Law(
+    'concurrent_learning',
+    RASMC.torque,
+    PARAMETERS,
+    MEMORY,
+    learn,
+    project,
+    summary='rasmc with additional adaptation to a finite stack of recorded data',
+    source='Chowdhary and Johnson 2010 and 2011',
+    most_parameters=32,
 )

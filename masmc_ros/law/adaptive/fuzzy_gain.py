@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
-from masmc_ros.law.law import Law, register
+from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.fuzzy_sets import (
     alone,
@@ -117,16 +117,14 @@ def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: J
         )
 
 
-FUZZY_GAIN = register(
-    Law(
-        'fuzzy_gain',
-        torque,
-        PARAMETERS,
-        MEMORY,
-        learn,
-        project,
-        summary='sliding mode with a learned fuzzy gain of s on each axis',
-        source='[8] of the paper; Guo and Woo 2003',
-        uses_switching=False,
-    )
+FUZZY_GAIN = Law(
+    'fuzzy_gain',
+    torque,
+    PARAMETERS,
+    MEMORY,
+    learn,
+    project,
+    summary='sliding mode with a learned fuzzy gain of s on each axis',
+    source='[8] of the paper; Guo and Woo 2003',
+    uses_switching=False,
 )

@@ -22,7 +22,7 @@ from typing import Any
 
 from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
-from masmc_ros.law.law import Law, register
+from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.fuzzy_sets import (
     alone,
@@ -194,16 +194,14 @@ def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: J
         )
 
 
-FUZZY_MODEL = register(
-    Law(
-        'fuzzy_model',
-        torque,
-        PARAMETERS,
-        MEMORY,
-        learn,
-        project,
-        summary='a fuzzy model and fuzzy switching, learned joint by joint from nothing',
-        source='[10] of the paper; Yoo and Ham 1998',
-        uses_switching=False,
-    )
+FUZZY_MODEL = Law(
+    'fuzzy_model',
+    torque,
+    PARAMETERS,
+    MEMORY,
+    learn,
+    project,
+    summary='a fuzzy model and fuzzy switching, learned joint by joint from nothing',
+    source='[10] of the paper; Yoo and Ham 1998',
+    uses_switching=False,
 )

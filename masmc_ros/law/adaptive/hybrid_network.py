@@ -19,7 +19,7 @@ from typing import Any
 
 from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
-from masmc_ros.law.law import Law, register
+from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.adaptive_bound import grown
 from masmc_ros.law.parts.fuzzy_sets import (
@@ -175,16 +175,14 @@ def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: J
         memory.hybrid_network_robust = robust
 
 
-HYBRID_NETWORK = register(
-    Law(
-        'hybrid_network',
-        torque,
-        PARAMETERS,
-        MEMORY,
-        learn,
-        project,
-        summary='an outer kinematic loop, and a fuzzy network with an adaptive robust gain',
-        source='[11] of the paper; sliding mode and fuzzy neural network',
-        uses_switching=False,
-    )
+HYBRID_NETWORK = Law(
+    'hybrid_network',
+    torque,
+    PARAMETERS,
+    MEMORY,
+    learn,
+    project,
+    summary='an outer kinematic loop, and a fuzzy network with an adaptive robust gain',
+    source='[11] of the paper; sliding mode and fuzzy neural network',
+    uses_switching=False,
 )

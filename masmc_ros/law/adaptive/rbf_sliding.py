@@ -19,7 +19,7 @@ from typing import Any
 
 from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
-from masmc_ros.law.law import Law, register
+from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.fuzzy_sets import (
     FIVE,
@@ -166,16 +166,14 @@ def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: J
         )
 
 
-RBF_SLIDING = register(
-    Law(
-        'rbf_sliding',
-        torque,
-        PARAMETERS,
-        MEMORY,
-        learn,
-        project,
-        summary='sliding mode with the model and a network of radial basis functions',
-        source='[5] of the paper; e-modification of Narendra and Annaswamy 1987',
-        uses_switching=False,
-    )
+RBF_SLIDING = Law(
+    'rbf_sliding',
+    torque,
+    PARAMETERS,
+    MEMORY,
+    learn,
+    project,
+    summary='sliding mode with the model and a network of radial basis functions',
+    source='[5] of the paper; e-modification of Narendra and Annaswamy 1987',
+    uses_switching=False,
 )

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
-from masmc_ros.law.law import Law, register
+from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.integral import integrated
 from masmc_ros.law.parts.inverse_dynamics import limited_motion, model_forces, rate_error
@@ -90,16 +90,14 @@ def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: J
     memory.computed_torque_integral = w
 
 
-COMPUTED_TORQUE = register(
-    Law(
-        'computed_torque',
-        torque,
-        PARAMETERS,
-        MEMORY,
-        learn,
-        project,
-        summary="the model inverted in the joints' rates, which follow an outer kinematic loop",
-        source='[2] of the paper; computed torque of velocities, with their integral',
-        uses_switching=False,
-    )
+COMPUTED_TORQUE = Law(
+    'computed_torque',
+    torque,
+    PARAMETERS,
+    MEMORY,
+    learn,
+    project,
+    summary="the model inverted in the joints' rates, which follow an outer kinematic loop",
+    source='[2] of the paper; computed torque of velocities, with their integral',
+    uses_switching=False,
 )

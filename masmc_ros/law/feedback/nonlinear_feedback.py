@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
-from masmc_ros.law.law import Law, register
+from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.integral import integrated
 from masmc_ros.law.parts.inverse_dynamics import (
@@ -90,16 +90,14 @@ def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: J
     memory.nonlinear_feedback_integral = w
 
 
-NONLINEAR_FEEDBACK = register(
-    Law(
-        'nonlinear_feedback',
-        torque,
-        PARAMETERS,
-        MEMORY,
-        learn,
-        project,
-        summary='the model inverted in task space, with PD feedback (and an integral)',
-        source='[1] of the paper; computed torque in task space',
-        uses_switching=False,
-    )
+NONLINEAR_FEEDBACK = Law(
+    'nonlinear_feedback',
+    torque,
+    PARAMETERS,
+    MEMORY,
+    learn,
+    project,
+    summary='the model inverted in task space, with PD feedback (and an integral)',
+    source='[1] of the paper; computed torque in task space',
+    uses_switching=False,
 )

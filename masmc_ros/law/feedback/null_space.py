@@ -22,7 +22,7 @@ from typing import Any
 from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.fields import Memory
-from masmc_ros.law.law import Law, register
+from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.inverse_dynamics import motion_acceleration, spring
 from masmc_ros.law.parts.model import ESTIMATE
@@ -146,15 +146,13 @@ def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
     return mechanism.joint_torques(model, elementwise(plus, f, pushed))
 
 
-NULL_SPACE = register(
-    Law(
-        'null_space',
-        torque,
-        PARAMETERS,
-        (ESTIMATE,),
-        post_update=project,
-        summary='operational space control: the first axes first, the others in their null space',
-        source='[3] of the paper; Khatib 1987',
-        uses_switching=False,
-    )
+NULL_SPACE = Law(
+    'null_space',
+    torque,
+    PARAMETERS,
+    (ESTIMATE,),
+    post_update=project,
+    summary='operational space control: the first axes first, the others in their null space',
+    source='[3] of the paper; Khatib 1987',
+    uses_switching=False,
 )

@@ -14,7 +14,7 @@ from __future__ import annotations
 from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.fields import Memory
-from masmc_ros.law.law import Law, register
+from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.inverse_dynamics import gravity_forces
 from masmc_ros.law.parts.model import ESTIMATE
@@ -59,15 +59,13 @@ def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
     return mechanism.joint_torques(tick.model, f)
 
 
-PD_GRAVITY = register(
-    Law(
-        'pd_gravity',
-        torque,
-        PARAMETERS,
-        (ESTIMATE,),
-        post_update=project,
-        summary="PD feedback on each axis of the task, and the model's forces against gravity",
-        source='Takegaki and Arimoto 1981',
-        uses_switching=False,
-    )
+PD_GRAVITY = Law(
+    'pd_gravity',
+    torque,
+    PARAMETERS,
+    (ESTIMATE,),
+    post_update=project,
+    summary="PD feedback on each axis of the task, and the model's forces against gravity",
+    source='Takegaki and Arimoto 1981',
+    uses_switching=False,
 )

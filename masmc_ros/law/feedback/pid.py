@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
-from masmc_ros.law.law import Law, register
+from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.integral import integrated
 from masmc_ros.law.parts.inverse_dynamics import limited_force, task_force_torque
@@ -81,16 +81,14 @@ def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: J
     memory.pid_integral = w
 
 
-PID = register(
-    Law(
-        'pid',
-        torque,
-        PARAMETERS,
-        MEMORY,
-        learn,
-        project,
-        summary='a spring, a damper and an integral on each axis of the task, without a model',
-        source='Takegaki and Arimoto 1981; Arimoto and Miyazaki 1984',
-        uses_switching=False,
-    )
+PID = Law(
+    'pid',
+    torque,
+    PARAMETERS,
+    MEMORY,
+    learn,
+    project,
+    summary='a spring, a damper and an integral on each axis of the task, without a model',
+    source='Takegaki and Arimoto 1981; Arimoto and Miyazaki 1984',
+    uses_switching=False,
 )

@@ -17,7 +17,7 @@ import math
 
 from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
-from masmc_ros.law.law import Law, register
+from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.inverse_dynamics import motion_acceleration, spring
 from masmc_ros.law.parts.last_period import last_acceleration
@@ -109,16 +109,14 @@ def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: J
     memory.momentum_observer_velocity = tick.velocity
 
 
-MOMENTUM_OBSERVER = register(
-    Law(
-        'momentum_observer',
-        torque,
-        PARAMETERS,
-        MEMORY,
-        learn,
-        project,
-        summary='inverse model in task space, less the disturbance estimated from the momentum',
-        source='De Luca and Mattone 2003',
-        uses_switching=False,
-    )
+MOMENTUM_OBSERVER = Law(
+    'momentum_observer',
+    torque,
+    PARAMETERS,
+    MEMORY,
+    learn,
+    project,
+    summary='inverse model in task space, less the disturbance estimated from the momentum',
+    source='De Luca and Mattone 2003',
+    uses_switching=False,
 )

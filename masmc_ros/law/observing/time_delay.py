@@ -16,7 +16,7 @@ import math
 
 from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
-from masmc_ros.law.law import Law, register
+from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.inverse_dynamics import motion_acceleration, spring
 from masmc_ros.law.parts.last_period import last_acceleration
@@ -79,16 +79,14 @@ def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: J
     memory.time_delay_velocity = tick.velocity
 
 
-TIME_DELAY = register(
-    Law(
-        'time_delay',
-        torque,
-        PARAMETERS,
-        MEMORY,
-        learn,
-        project,
-        summary='the last torque, corrected by what the acceleration then lacked',
-        source='Youcef-Toumi and Ito 1990; Hsia and Gao 1990',
-        uses_switching=False,
-    )
+TIME_DELAY = Law(
+    'time_delay',
+    torque,
+    PARAMETERS,
+    MEMORY,
+    learn,
+    project,
+    summary='the last torque, corrected by what the acceleration then lacked',
+    source='Youcef-Toumi and Ito 1990; Hsia and Gao 1990',
+    uses_switching=False,
 )

@@ -26,7 +26,7 @@ from typing import Any
 from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.parts.inverse_dynamics import limited_acceleration
 from masmc_ros.law.parts.slip import backed_off, SLIP_BACKOFF
-from masmc_ros.law.reaching.reaching import GAINS, Reaching, register
+from masmc_ros.law.reaching.reaching import GAINS, Reaching
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.aliases import Axes, Columns, Joints, Numbers
 from masmc_ros.numerics.arrays import to_vector
@@ -274,15 +274,13 @@ def _within(value: float, box: float) -> float:
     return 1.0 if ratio > 1.0 else (-1.0 if ratio < -1.0 else ratio)
 
 
-IMPLICIT = register(
-    Reaching(
-        'implicit',
-        reach,
-        correct,
-        (*GAINS, OBSERVER_GAIN, SLIP_BACKOFF),
-        (
-            Field('disturbance', 'axes', 'Disturbance estimate d', 'N'),
-            Field('predicted', 'axes', 's+; NaN: no prediction', 'm/s', initial=math.nan),
-        ),
-    )
+IMPLICIT = Reaching(
+    'implicit',
+    reach,
+    correct,
+    (*GAINS, OBSERVER_GAIN, SLIP_BACKOFF),
+    (
+        Field('disturbance', 'axes', 'Disturbance estimate d', 'N'),
+        Field('predicted', 'axes', 's+; NaN: no prediction', 'm/s', initial=math.nan),
+    ),
 )

@@ -58,6 +58,10 @@ class Reaching:
     parameters: tuple[Declared, ...] = GAINS
     memory: tuple[Field, ...] = ()
 
+    def __post_init__(self) -> None:
+        """Make the term available to compiled code under its name."""
+        _KNOWN[self.name] = self
+
     @property
     def formulas(self) -> SimpleNamespace:
         """Return the formulas by the names of the functions of this interface."""
@@ -65,12 +69,6 @@ class Reaching:
 
 
 _KNOWN: dict[str, Reaching] = {}
-
-
-def register(term: Reaching) -> Reaching:
-    """Make a reaching term available to compiled code, and return it."""
-    _KNOWN[term.name] = term
-    return term
 
 
 def switchings() -> tuple[str, ...]:

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from masmc_ros.law.fields import Memory, Settings
-from masmc_ros.law.reaching.reaching import BOUNDARY_LAYER, force_of, GAINS, Reaching, register
+from masmc_ros.law.reaching.reaching import BOUNDARY_LAYER, force_of, GAINS, Reaching
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.aliases import Axes
 from masmc_ros.numerics.compiled import formula
@@ -27,4 +27,4 @@ def reach(settings: Settings, tick: Tick, memory: Memory) -> Axes:
     return force_of(settings, tick, elementwise(saturation, tick.surface, delta))
 
 
-SATURATION = register(Reaching('saturation', reach, parameters=(*GAINS, BOUNDARY_LAYER)))
+SATURATION = Reaching('saturation', reach, parameters=(*GAINS, BOUNDARY_LAYER))

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from masmc_ros.law.fields import Memory, Settings
-from masmc_ros.law.reaching.reaching import force_of, Reaching, register
+from masmc_ros.law.reaching.reaching import force_of, Reaching
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.aliases import Axes
 from masmc_ros.numerics.compiled import formula
@@ -25,4 +25,4 @@ def reach(settings: Settings, tick: Tick, memory: Memory) -> Axes:
     return force_of(settings, tick, elementwise(sign, tick.surface))
 
 
-SIGN = register(Reaching('sign', reach))
+SIGN = Reaching('sign', reach)

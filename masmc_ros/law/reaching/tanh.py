@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from masmc_ros.law.fields import Memory, Settings
-from masmc_ros.law.reaching.reaching import BOUNDARY_LAYER, force_of, GAINS, Reaching, register
+from masmc_ros.law.reaching.reaching import BOUNDARY_LAYER, force_of, GAINS, Reaching
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics import portable_math
 from masmc_ros.numerics.aliases import Axes
@@ -27,4 +27,4 @@ def reach(settings: Settings, tick: Tick, memory: Memory) -> Axes:
     return force_of(settings, tick, elementwise(smooth, tick.surface, delta))
 
 
-TANH = register(Reaching('tanh', reach, parameters=(*GAINS, BOUNDARY_LAYER)))
+TANH = Reaching('tanh', reach, parameters=(*GAINS, BOUNDARY_LAYER))

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
-from masmc_ros.law.law import Law, register
+from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.adaptive_bound import grown
 from masmc_ros.law.parts.model import ESTIMATE, model_torque
@@ -112,16 +112,14 @@ def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: J
     memory.adaptive_gain_switching = following
 
 
-ADAPTIVE_GAIN = register(
-    Law(
-        'adaptive_gain',
-        torque,
-        PARAMETERS,
-        MEMORY,
-        learn,
-        project,
-        summary='sliding mode whose switching gain grows while s is outside a dead zone',
-        source='[7] of the paper; Huang, Kuo and Chang 2008',
-        uses_switching=False,
-    )
+ADAPTIVE_GAIN = Law(
+    'adaptive_gain',
+    torque,
+    PARAMETERS,
+    MEMORY,
+    learn,
+    project,
+    summary='sliding mode whose switching gain grows while s is outside a dead zone',
+    source='[7] of the paper; Huang, Kuo and Chang 2008',
+    uses_switching=False,
 )

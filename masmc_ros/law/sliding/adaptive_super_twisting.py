@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
-from masmc_ros.law.law import Law, register
+from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.inverse_dynamics import surface_torque
 from masmc_ros.law.parts.model import ESTIMATE
@@ -182,16 +182,14 @@ def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: J
     memory.adaptive_super_twisting_w = elementwise(integrated, w, nu, beta, tick.period)
 
 
-ADAPTIVE_SUPER_TWISTING = register(
-    Law(
-        'adaptive_super_twisting',
-        torque,
-        PARAMETERS,
-        MEMORY,
-        learn,
-        project,
-        summary='super-twisting whose gains grow until s stays near the surface, and fall there',
-        source='Shtessel, Taleb and Plestan 2012',
-        uses_switching=False,
-    )
+ADAPTIVE_SUPER_TWISTING = Law(
+    'adaptive_super_twisting',
+    torque,
+    PARAMETERS,
+    MEMORY,
+    learn,
+    project,
+    summary='super-twisting whose gains grow until s stays near the surface, and fall there',
+    source='Shtessel, Taleb and Plestan 2012',
+    uses_switching=False,
 )

@@ -16,7 +16,7 @@ import math
 
 from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
-from masmc_ros.law.law import Law, register
+from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.inverse_dynamics import surface_torque
 from masmc_ros.law.parts.model import ESTIMATE
@@ -123,16 +123,14 @@ def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: J
         memory.barrier_growth = growth
 
 
-BARRIER = register(
-    Law(
-        'barrier',
-        torque,
-        PARAMETERS,
-        MEMORY,
-        learn,
-        project,
-        summary='sliding mode whose gain grows without bound towards a barrier around s = 0',
-        source='Obeid, Fridman, Laghrouche and Harmouche 2018',
-        uses_switching=False,
-    )
+BARRIER = Law(
+    'barrier',
+    torque,
+    PARAMETERS,
+    MEMORY,
+    learn,
+    project,
+    summary='sliding mode whose gain grows without bound towards a barrier around s = 0',
+    source='Obeid, Fridman, Laghrouche and Harmouche 2018',
+    uses_switching=False,
 )

@@ -18,7 +18,7 @@ from typing import Any
 from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.fields import Memory
-from masmc_ros.law.law import Law, register
+from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.inverse_dynamics import motion_acceleration
 from masmc_ros.law.parts.model import ESTIMATE
@@ -96,15 +96,13 @@ def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
     return torques
 
 
-DECENTRALISED_SLIDING = register(
-    Law(
-        'decentralised_sliding',
-        torque,
-        PARAMETERS,
-        (ESTIMATE,),
-        post_update=project,
-        summary='a sliding mode controller for the platform and one for the arm, uncoupled',
-        source='[6] of the paper; reaching law of Gao and Hung 1993',
-        uses_switching=False,
-    )
+DECENTRALISED_SLIDING = Law(
+    'decentralised_sliding',
+    torque,
+    PARAMETERS,
+    (ESTIMATE,),
+    post_update=project,
+    summary='a sliding mode controller for the platform and one for the arm, uncoupled',
+    source='[6] of the paper; reaching law of Gao and Hung 1993',
+    uses_switching=False,
 )

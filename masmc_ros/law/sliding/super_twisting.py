@@ -20,7 +20,7 @@ import math
 
 from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
-from masmc_ros.law.law import Law, register
+from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.inverse_dynamics import limited_acceleration, surface_torque
 from masmc_ros.law.parts.model import ESTIMATE
@@ -151,16 +151,14 @@ def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: J
     memory.super_twisting_w = w
 
 
-SUPER_TWISTING = register(
-    Law(
-        'super_twisting',
-        torque,
-        PARAMETERS,
-        MEMORY,
-        learn,
-        project,
-        summary='second-order sliding mode: a root and an integral of the sign, error of order T²',
-        source='Levant 1993; Seeber and Andritsch 2025',
-        uses_switching=False,
-    )
+SUPER_TWISTING = Law(
+    'super_twisting',
+    torque,
+    PARAMETERS,
+    MEMORY,
+    learn,
+    project,
+    summary='second-order sliding mode: a root and an integral of the sign, error of order T²',
+    source='Levant 1993; Seeber and Andritsch 2025',
+    uses_switching=False,
 )

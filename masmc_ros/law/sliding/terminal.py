@@ -18,7 +18,7 @@ import math
 from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.fields import Memory
-from masmc_ros.law.law import Law, register
+from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.inverse_dynamics import acceleration_torque
 from masmc_ros.law.parts.model import ESTIMATE
@@ -76,15 +76,13 @@ def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
     return acceleration_torque(tick, memory.estimate, acceleration)
 
 
-TERMINAL = register(
-    Law(
-        'terminal',
-        torque,
-        PARAMETERS,
-        (ESTIMATE,),
-        post_update=project,
-        summary='nonsingular fast terminal sliding mode: errors end in finite time',
-        source='Yang and Yang 2011; Feng, Yu and Man 2002',
-        uses_switching=False,
-    )
+TERMINAL = Law(
+    'terminal',
+    torque,
+    PARAMETERS,
+    (ESTIMATE,),
+    post_update=project,
+    summary='nonsingular fast terminal sliding mode: errors end in finite time',
+    source='Yang and Yang 2011; Feng, Yu and Man 2002',
+    uses_switching=False,
 )

@@ -16,7 +16,7 @@ from __future__ import annotations
 from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.fields import Memory
-from masmc_ros.law.law import Law, register
+from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.model import ESTIMATE, model_torque
 from masmc_ros.law.parts.surface import SIGMA
@@ -68,15 +68,13 @@ def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
     return model_torque(tick, memory.estimate, u)
 
 
-VARIABLE_STRUCTURE = register(
-    Law(
-        'variable_structure',
-        torque,
-        PARAMETERS,
-        (ESTIMATE,),
-        post_update=project,
-        summary='switched feedback whose gains are in proportion to the errors',
-        source='[9] of the paper; Young 1978',
-        uses_switching=False,
-    )
+VARIABLE_STRUCTURE = Law(
+    'variable_structure',
+    torque,
+    PARAMETERS,
+    (ESTIMATE,),
+    post_update=project,
+    summary='switched feedback whose gains are in proportion to the errors',
+    source='[9] of the paper; Young 1978',
+    uses_switching=False,
 )

@@ -11,7 +11,7 @@ from typing import Any
 from helpers.law_bench import at_random, run, tick
 from helpers.robots import Array
 from masmc_ros.law import registry
-from masmc_ros.law.law import Law, register
+from masmc_ros.law.law import Law
 from masmc_ros.law.parts.inverse_dynamics import surface_torque
 from masmc_ros.law.reaching.sign import sign
 from masmc_ros.law.sliding.super_twisting import (
@@ -148,9 +148,7 @@ def _torque(settings: Any, tick: Tick, memory: Any) -> tuple[float, ...]:
 
 
 def test_super_twisting_chatters_less_than_explicit_form(monkeypatch: pytest.MonkeyPatch) -> None:
-    explicit = register(
-        Law('explicit_twisting', _torque, PARAMETERS, MEMORY, uses_switching=False)
-    )
+    explicit = Law('explicit_twisting', _torque, PARAMETERS, MEMORY, uses_switching=False)
     monkeypatch.setitem(registry.LAWS, explicit.name, explicit)
     implicit, chattering = (
         np.abs(np.diff(run(name, *QUIET, duration=4.0).torque[2000:], axis=0)).sum()

@@ -1,0 +1,42 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Errors of the compiler in one line.
+
+Numba's errors are pages long: they contain an error for each function on the way to the cause,
+with the types of all arguments. The cause follows the last heading, with its place.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+import re
+
+from masmc_ros.errors import InputError
+from numba.core.errors import NumbaError, UnsupportedBytecodeError
+
+COMPILER_ERRORS = NumbaError, UnsupportedBytecodeError
+
+_HEADING = re.compile(r'Failed in \w+ mode pipeline')
+_PLACE = re.compile(r'File "(.+)", line (\d+)')
+_COLOURS = re.compile(r'\x1b\[[0-9;]*m')
+
+
+def explained(error: Exception) -> InputError:
+    """Return the cause of an error of the compiler, with its file, line and source."""
+    lines = [line.strip() for line in _COLOURS.sub('', str(error)).splitlines() if line.strip()]
+    starts = [k for k, line in enumerate(lines) if _HEADING.search(line)]
+    lines = lines[starts[-1] + 1:] if starts else lines
+    cause = lines[0] if lines else type(error).__name__
+    if cause.endswith('found for signature:') and len(lines) > 1:
+        cause = f'{cause} {lines[1].removeprefix(">>> ")}'
+    place, source = '', ''
+    for k, line in enumerate(lines):
+        match = _PLACE.search(line)
+        if match:
+            place = f'{Path(match[1]).resolve()}:{match[2]}: '
+            carets = (j for j in range(k + 1, len(lines)) if set(lines[j]) <= {'^', '~'})
+            source = next((f' in: {lines[j - 1]}' for j in carets), '')
+            break
+    return InputError(f'{place}cannot be compiled: {cause}{source}')
