@@ -72,7 +72,7 @@ def test_lockstep_enable_and_set_point_run_reproducible(
         points = tester.publisher(Float64MultiArray, 'reference')
         tester.wait_for_subscribers(points, 2)
         points.publish(Float64MultiArray(data=[0.3, 0.5, 0.0, 0.0]))
-        rejection = 'reference rejected: a set-point beside a trajectory'
+        rejection = 'reference rejected: a set-point while a trajectory runs'
         tester.until(lambda: nodes['controller'].logged('ERROR', rejection), rejection)
         run.enable(False)
         run.wait_for_progress(1.5)

@@ -162,7 +162,7 @@ class ControllerNode(SuiteNode):
         self._controller.reset()
         approach = Approach(self._controller.robot, 1.0)
         for stamp in range(2):
-            approach.begin()
+            approach.start()
             approach.watch(stamp, reference.copy())
             approach.follow(stamp, position, np.zeros(sizes['joints']), reference)
         # A stamp between two samples, as a real robot sends them.
