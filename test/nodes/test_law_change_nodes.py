@@ -19,7 +19,7 @@ from masmc_ros.errors import UserError
 from masmc_ros.law.registry import LAWS
 from masmc_ros.messages.parameter_record import ParameterRecord, read_record
 from masmc_ros.messages.stamps import header_stamp
-from masmc_ros.messages.text import text_of
+from masmc_ros.messages.string_message import text_of
 from masmc_ros.params.scenario import load_scenario
 import pytest
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically

@@ -23,7 +23,7 @@ from masmc_ros.cli.main import main
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.messages.commands import ArmVelocityCdr
 from masmc_ros.messages.joint_state import JointStateCdr
-from masmc_ros.messages.platform_motion import TwistCdr, TwistStampedCdr
+from masmc_ros.messages.platform_messages import TwistCdr, TwistStampedCdr
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.reference.windows import ReferenceWindows

@@ -181,9 +181,26 @@ FOLDERS = ('masmc_ros', 'test', 'config', 'benchmarks')
 """Folders whose files the documentation names without the folder."""
 
 WRITTEN = {
-    'metadata.yaml', 'layout.json', 'bench.json', 'my_robot.yaml', 'my_robot.launch.py',
+    'bench.json',
+    'layout.json',
+    'metadata.yaml',
+    'my_path.yaml',
+    'my_robot.launch.py',
+    'my_robot.yaml',
 }
 """Files that commands or users write."""
+
+
+@each_page
+def test_names_of_tests_in_text_exist(page: Path) -> None:
+    for name in re.findall(r'`(test_\w+)`', page.read_text(encoding='utf-8')):
+        assert name in names_of_tests()
+
+
+@cache
+def names_of_tests() -> frozenset[str]:
+    texts = (file.read_text(encoding='utf-8') for file in (ROOT / 'test').rglob('test_*.py'))
+    return frozenset(name for text in texts for name in re.findall(r'^def (test_\w+)', text, re.M))
 
 
 @each_page

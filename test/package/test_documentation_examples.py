@@ -17,12 +17,12 @@ test_documentation_blocks.py checks the other commands.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import redirect_stdout
 import importlib
 from importlib.metadata import EntryPoint
 import io
-import os
+from itertools import pairwise
 from pathlib import Path
 import re
 import shlex
@@ -35,7 +35,7 @@ import time
 from helpers.child_environment import child_environment, domain, domain_variables
 from helpers.command_process import CommandProcess, PATIENCE, run_command
 from helpers.launch_file import node_arguments, stand_ins
-from helpers.pages import commands, console, document, DOCS, page_name, PAGES, ROOT
+from helpers.pages import commands, console, document, page_name, PAGES, ROOT
 import pytest
 from sybil.example import Example
 
@@ -44,8 +44,6 @@ pytestmark = pytest.mark.slow
 FIRST_LINE = re.compile(r'# (\w+\.(?:py|yaml))\b')
 SAMPLES = {'tiago.yaml': 'tiago', 'other.mcap': '', 'run.mcap': ''}
 """Files that pages use and do not write, and the configurations they are; others are `paper`."""
-
-TYPED = Callable[[Sequence[str]], str]
 
 
 class PageRun:
@@ -74,9 +72,8 @@ class PageRun:
             (folder / name).mkdir()
         for place in (folder, folder / 'nodes'):
             (place / 'config').symlink_to(ROOT / 'config')
-        self.evaluators = {
-            name: getattr(self, name) for name in ('python', 'text', 'yaml', 'sh', 'console', 'diff')
-        }
+        languages = 'python', 'text', 'yaml', 'sh', 'console', 'diff'
+        self.evaluators = {language: getattr(self, language) for language in languages}
 
     def python(self, example: Example) -> None:
         """Write a named module and import it, or execute a block."""
@@ -213,7 +210,7 @@ class PageRun:
 
     def _prepare(self, arguments: Sequence[str], folder: str = '') -> None:
         """Create the files that a command reads and that the page has not written."""
-        for before, word in zip(arguments, arguments[1:], strict=False):
+        for before, word in pairwise(arguments):
             path = self._folder / folder / word
             if before != '--output' and word.endswith(('.mcap', '.yaml')) and not path.exists():
                 config = ROOT / 'config' / f'{SAMPLES.get(word, "paper")}.yaml'
@@ -256,7 +253,8 @@ class PageRun:
         try:
             limit = time.monotonic() + PATIENCE
             while 'until Ctrl-C' not in out.read_text():
-                assert time.monotonic() < limit and process.poll() is None, err.read_text()
+                assert process.poll() is None, err.read_text()
+                assert time.monotonic() < limit
                 time.sleep(0.05)
             process.send_signal(signal.SIGINT)
             assert process.wait(PATIENCE) == 0
@@ -305,7 +303,7 @@ def page_run(
 ) -> Iterator[PageRun]:
     with domain() as number:
         variables = {**child_environment(), **domain_variables(number)}
-        run = PageRun(tmp_path, log, {name: value for name, value in variables.items()})
+        run = PageRun(tmp_path, log, variables)
         monkeypatch.syspath_prepend(str(tmp_path / 'site'))
         imported = set(sys.modules)
         try:
@@ -323,7 +321,7 @@ def test_blocks_of_page_run(page: Path, page_run: PageRun) -> None:
     if re.search(r'example-robot-data|config/(tiago|franka)', text):
         pytest.importorskip('pinocchio')  # it is installed with the robots
     if 'physics=mujoco' in text:
-        pytest.importorskip('mujoco_core')
+        pytest.importorskip('mujoco')
     for example in document(page, page_run.evaluators).examples():
         example.evaluate()
     page_run.end_nodes()

@@ -16,7 +16,7 @@ from helpers.report_runs import run_of, ticks
 from masmc_ros.cli.main import main
 from masmc_ros.log.read.reader import read_run, Run
 from masmc_ros.report.measure.tracking import tracking
-from masmc_ros.report.page.samples import MOST
+from masmc_ros.report.page.packed_samples import MOST
 from masmc_ros.report.report import write_report
 import numpy as np
 import pytest

@@ -19,7 +19,7 @@ from urllib.parse import urlencode
 
 from masmc_ros.cli.commands.layout import mechanism_of, write_layout
 from masmc_ros.cli.show.file_server import FileServer, HOST
-from masmc_ros.cli.show.meshes import described, write_with_addresses
+from masmc_ros.cli.show.served_meshes import described, write_with_addresses
 from masmc_ros.errors import InputError
 from masmc_ros.log.mcap.codec import check_magic, cut_off, MAGIC
 from masmc_ros.log.recover.recover import is_complete

@@ -19,7 +19,7 @@ from typing import Any
 from masmc_ros.errors import InputError
 from masmc_ros.log.bag import METADATA_FILE, Part, RecordedTopic, write_bag_metadata
 from masmc_ros.log.mcap.chunks import arrived_records, Message
-from masmc_ros.log.qos import Qos
+from masmc_ros.log.offered_qos import Qos
 from masmc_ros.log.write.writer import LogWriter
 from masmc_ros.messages.definitions import Definition
 import numpy as np

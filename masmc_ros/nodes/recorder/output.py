@@ -12,7 +12,7 @@ from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.write.recording import clear_recording, Options, Recording
-from masmc_ros.messages.layout import NANOSECONDS
+from masmc_ros.messages.cdr_layout import NANOSECONDS
 from masmc_ros.nodes.recorder.attachments import Attachments
 
 MEGABYTE = 1_000_000

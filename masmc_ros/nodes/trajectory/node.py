@@ -12,7 +12,7 @@ from masmc_ros.control.supervisor import would_follow
 from masmc_ros.errors import InputError
 from masmc_ros.log.traced_paths import DesiredPath
 from masmc_ros.loop.timing import Timing
-from masmc_ros.messages.layout import checked_stamp
+from masmc_ros.messages.cdr_layout import checked_stamp
 from masmc_ros.messages.names import DESIRED_PATH_TOPIC
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.messages.stamps import header_stamp

@@ -9,7 +9,7 @@ from masmc_ros.log.read.decode import Series
 from masmc_ros.log.read.reader import Run
 from masmc_ros.loop.tick_block import TickBlock
 from masmc_ros.loop.timing import Timing
-from masmc_ros.messages.layout import NANOSECONDS
+from masmc_ros.messages.cdr_layout import NANOSECONDS
 import numpy as np
 from numpy.typing import NDArray
 
