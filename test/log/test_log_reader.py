@@ -323,7 +323,7 @@ def test_read_run_log_without_definitions_raises(tmp_path: Path) -> None:
         channel = writer.register_channel('/joint_states', 'cdr', schema)
         writer.add_message(channel, 0, foreign_state(0, ['camera'], [1.0]), 0)
         writer.finish()
-    with pytest.raises(InputError, match="in 'ros2idl'; it takes cdr with ros2msg"):
+    with pytest.raises(InputError, match="in 'ros2idl'; expected cdr with ros2msg"):
         read_run(path)
 
 

@@ -397,7 +397,7 @@ def test_log_writer_killed_keeps_flushed_messages(tmp_path: Path) -> None:
         with pytest.raises(EndOfFile):
             next(chunks)
     assert (chunk.message_start_time, chunk.message_end_time) == (0, 99)
-    with pytest.raises(InputError, match='cut off'):
+    with pytest.raises(InputError, match='truncated'):
         read_run(path)
 
 

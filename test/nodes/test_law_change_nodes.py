@@ -237,7 +237,7 @@ def test_law_change_lockstep_next_tick_waits_for_code(
     first = next(tick for tick, law in laws if law == 'pid')
     assert all(tick == first for tick, _ in laws[1:])
     assert main(['simulate', str(log), '--output', str(tmp_path / 'again.mcap')]) == 0
-    assert 'are the same bits' in capfd.readouterr().out
+    assert 'are bitwise identical' in capfd.readouterr().out
 
 
 @pytest.mark.slow

@@ -88,7 +88,7 @@ def check_recomputed(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Check that recomputing a recorded run is bitwise identical."""
     capsys.readouterr()
     assert main(['simulate', str(log)]) == 0
-    assert 'are the same bits' in capsys.readouterr().out.splitlines()[-1]
+    assert 'are bitwise identical' in capsys.readouterr().out.splitlines()[-1]
 
 
 @pytest.mark.parametrize('stamped', [{}, STAMPED], ids=['Twist', 'TwistStamped'])

@@ -33,7 +33,7 @@ import yaml
 each_page = pytest.mark.parametrize('page', PAGES, ids=page_name)
 COMPOSED = ('plant', 'trajectory', 'controller', 'recorder')
 UNCHECKED = {'git', 'cd', '.', 'rosdep', 'colcon', 'ssh', 'rviz2', 'sudo'}
-"""Commands of other programs, of which nothing is in this repository."""
+"""Commands of other programs, which use nothing of this repository."""
 
 
 @cache
@@ -76,11 +76,11 @@ def check_node(node: str, arguments: Sequence[str]) -> None:
 @cache
 def services() -> frozenset[tuple[str, str]]:
     """Return type and name of the services of all nodes."""
-    found = set()
+    names = set()
     for file in (ROOT / 'masmc_ros' / 'nodes').glob('*/node.py'):
         for kind, name in re.findall(r"create_service\((\w+), '~/(\w+)'", file.read_text()):
-            found.add((f'std_srvs/srv/{kind}', f'/{file.parent.name}/{name}'))
-    return frozenset(found)
+            names.add((f'std_srvs/srv/{kind}', f'/{file.parent.name}/{name}'))
+    return frozenset(names)
 
 
 def _ros2(words: Sequence[str], folder: Path) -> None:

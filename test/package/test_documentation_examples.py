@@ -4,8 +4,9 @@
 """
 Blocks of README.md and docs/ are run, page by page, in a separate folder and ROS domain.
 
-- Python: a block that starts with `# NAME.py` is written to this file and imported. `setup(...)`
-  installs its entry points. Other blocks are executed; they share their names.
+- Python: a block that starts with `# NAME.py` is written to this file and imported. With lines
+  `...` it is an excerpt of test/helpers/NAME.py. `setup(...)` installs entry points. Other blocks
+  are executed; they share their names.
 - YAML: a block that starts with `# NAME.yaml` is written to this file, or appended to it.
 - Shell: `masmc` commands, and their equivalents `ros2 run` and `ros2 param`. Simulations are
   shortened. A node runs until the page ends or starts it again.
@@ -79,7 +80,10 @@ class PageRun:
         """Write a named module and import it, or execute a block."""
         named = FIRST_LINE.match(example.parsed)
         if named and re.search(r'^\s*\.\.\.$', example.parsed, re.MULTILINE):
-            self._check_excerpt(ROOT / 'test' / 'helpers' / named[1], example.parsed)
+            source = ROOT / 'test' / 'helpers' / named[1]
+            self._check_excerpt(source, example.parsed)
+            shutil.copy(source, self._site)
+            importlib.invalidate_caches()
         elif named:
             (self._site / named[1]).write_text(example.parsed, encoding='utf-8')
             importlib.invalidate_caches()
@@ -200,7 +204,7 @@ class PageRun:
 
     def _masmc(self, arguments: list[str]) -> str:
         self._prepare(arguments)
-        is_fresh = any(self._site.iterdir()) or arguments[0] == 'demo'
+        is_fresh = any(self._site.iterdir()) or arguments[0] in ('compare', 'demo')
         run = _run_fresh if is_fresh else run_command
         done = run(*arguments, folder=self._folder, environment=self._variables)
         # `masmc param set` prints why a value is rejected.
@@ -264,7 +268,7 @@ class PageRun:
 
 
 ANY_TEXT = {
-    '...': '.*',
+    '...': r'[\s\S]*',
     '127.0.0.1:40311': r'127.0.0.1:\d+',
     '/home/you/masmc_ros': '.*',
     ': law = pid: compiling; rasmc continues until the code is ready': '.*',

@@ -112,7 +112,7 @@ def message_decoder(topic: Topic) -> Callable[[bytes], Any]:
         raise InputError(
             f"{topic.name}: messages in '{topic.encoding}' with definitions in"
             f" '{topic.schema.encoding if topic.schema else ''}';"
-            ' it takes cdr with ros2msg, as ROS 2 records them'
+            ' expected cdr with ros2msg, as ROS 2 records them'
         )
 
     def decode(raw: bytes) -> Any:

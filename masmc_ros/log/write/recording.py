@@ -355,7 +355,7 @@ class Recording:
             if time.monotonic() > limit:
                 raise InputError(
                     f'{log.path}: {self.trouble}; what it took is there, and'
-                    f' `masmc recover {log.path}` makes a complete log of it'
+                    f' `masmc recover {log.path}` completes it'
                 )
             time.sleep(_TURN)
         log.close_file()

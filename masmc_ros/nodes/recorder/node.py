@@ -189,7 +189,8 @@ class RecorderNode(SuiteNode):
     def _recover_in(self, folder: Path) -> None:
         for path, recovered in recover_all(folder):
             self.log.warning(
-                f'{path}: its recorder was cut off; completed with {recovered.messages} messages'
+                f'{path}: truncated log of a killed recorder; completed with '
+                f'{recovered.messages} messages'
             )
 
     def _watch_disk(self) -> None:

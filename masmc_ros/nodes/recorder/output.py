@@ -37,7 +37,7 @@ def open_recording(values: Mapping[str, Any], attachments: Attachments) -> Recor
     if place.exists():
         if not values['overwrite']:
             raise InputError(
-                f'output = {place}: is there already; name another, or set overwrite to true'
+                f'output = {place}: exists already; name another, or set overwrite to true'
             )
         if options.is_split:
             clear_recording(place)

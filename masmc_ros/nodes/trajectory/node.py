@@ -107,7 +107,7 @@ class TrajectoryNode(SuiteNode):
             self.wait('a state of the robot (joint_states)')
 
     def _follow(self, raw: bytes) -> None:
-        """Send the windows up to the horizon after a message's stamp."""
+        """Publish the windows from a message's stamp to the horizon after it."""
         try:
             stamp = header_stamp(raw)
             # The windows ahead of it need valid stamps too.
