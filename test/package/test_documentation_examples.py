@@ -9,7 +9,7 @@ Blocks of README.md and docs/ are run, page by page, in a separate folder and RO
   are executed; they share their names.
 - YAML: a block that starts with `# NAME.yaml` is written to this file, or appended to it.
 - Shell: `masmc` commands, and their equivalents `ros2 run` and `ros2 param`. Simulations are
-  shortened. A node runs until the page ends or starts it again.
+  shortened, and comparisons have few laws. A node runs until the page ends or starts it again.
 - Console: as shell, and the output must be the documented one; `...` stands for any text.
 - Diff: the unchanged and the added lines are in the file that the text names before.
 
@@ -200,6 +200,8 @@ class PageRun:
             arguments += ['--set', 'duration=0.2']
         if '--seeds' in arguments:
             arguments[arguments.index('--seeds') + 1] = '2'
+        if arguments[0] == 'compare' and '--laws' not in arguments:
+            arguments += ['--laws', 'smc,rasmc']  # not all laws: each is compiled for lanes
         return arguments
 
     def _masmc(self, arguments: list[str]) -> str:
