@@ -122,7 +122,11 @@ def _python(words: Sequence[str], folder: Path) -> None:
 
 
 CHECKS: dict[str, Callable[[Sequence[str], Path], None]] = {
-    'masmc': _masmc, 'ros2': _ros2, 'make': _make, 'pip': _pip, 'python': _python,
+    'masmc': _masmc,
+    'ros2': _ros2,
+    'make': _make,
+    'pip': _pip,
+    'python': _python,
 }
 
 

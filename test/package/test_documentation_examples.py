@@ -5,8 +5,8 @@
 Blocks of README.md and docs/ are run, page by page, in a separate folder and ROS domain.
 
 - Python: a block that starts with `# NAME.py` is written to this file and imported. With lines
-  `...` it is an excerpt of test/helpers/NAME.py. `setup(...)` installs entry points. Other blocks
-  are executed; they share their names.
+  `...` it is an excerpt of test/helpers/NAME.py. A block that starts with `# in masmc_ros/NAME.py`
+  uses the names of this module. `setup(...)` installs entry points. Other blocks share names.
 - YAML: a block that starts with `# NAME.yaml` is written to this file, or appended to it.
 - Shell: `masmc` commands, and their equivalents `ros2 run` and `ros2 param`. Simulations are
   shortened, and comparisons have few laws. A node runs until the page ends or starts it again.
@@ -31,7 +31,7 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
+import threading
 
 from helpers.child_environment import child_environment, domain, domain_variables
 from helpers.command_process import CommandProcess, PATIENCE, run_command
@@ -43,6 +43,7 @@ from sybil.example import Example
 pytestmark = pytest.mark.slow
 
 FIRST_LINE = re.compile(r'# (\w+\.(?:py|yaml))\b')
+INSIDE = re.compile(r'# in masmc_ros/([\w/]+)\.py\b')
 SAMPLES = {'tiago.yaml': 'tiago', 'other.mcap': '', 'run.mcap': ''}
 """Files that pages use and do not write, and the configurations they are; others are `paper`."""
 
@@ -88,6 +89,9 @@ class PageRun:
             (self._site / named[1]).write_text(example.parsed, encoding='utf-8')
             importlib.invalidate_caches()
             self._names |= vars(importlib.import_module(Path(named[1]).stem))
+        elif inside := INSIDE.match(example.parsed):
+            module = importlib.import_module(f'masmc_ros.{inside[1].replace("/", ".")}')
+            exec(compile(example.parsed, example.path, 'exec'), {**vars(module)})
         else:
             with redirect_stdout(io.StringIO()) as output, stand_ins():
                 exec(compile(example.parsed, example.path, 'exec'), self._names)
@@ -253,20 +257,30 @@ class PageRun:
     def _view(self, arguments: list[str]) -> str:
         """Serve a log until the instructions are printed."""
         self._prepare(['view', *arguments])
-        out, err = self._folder / 'view.out', self._folder / 'view.err'
-        variables = {**self._variables, 'PATH': '/usr/bin:/bin'}  # without viewers
-        process = CommandProcess(['view', *arguments], variables, out, err, self._folder)
-        try:
-            limit = time.monotonic() + PATIENCE
-            while 'until Ctrl-C' not in out.read_text():
-                assert process.poll() is None, err.read_text()
-                assert time.monotonic() < limit
-                time.sleep(0.05)
-            process.send_signal(signal.SIGINT)
-            assert process.wait(PATIENCE) == 0
-        finally:
-            process.kill()
-        return out.read_text()
+        # Without viewers, on a desktop.
+        variables = {**self._variables, 'PATH': '/usr/bin:/bin', 'DISPLAY': ':0'}
+        with subprocess.Popen(
+            [sys.executable, '-m', 'masmc_ros.cli.main', 'view', *arguments],
+            cwd=self._folder,
+            env=variables,
+            stdout=subprocess.PIPE,
+            text=True,
+        ) as process:
+            # The timer ends the reading of the output in any case.
+            guard = threading.Timer(PATIENCE, process.kill)
+            guard.start()
+            try:
+                assert process.stdout is not None
+                lines = []
+                for line in process.stdout:
+                    lines.append(line)
+                    if 'until Ctrl-C' in line:
+                        process.send_signal(signal.SIGINT)
+                assert process.wait() == 0
+            finally:
+                guard.cancel()
+                process.kill()
+        return ''.join(lines)
 
 
 ANY_TEXT = {
@@ -274,6 +288,7 @@ ANY_TEXT = {
     '127.0.0.1:40311': r'127.0.0.1:\d+',
     '/home/you/masmc_ros': '.*',
     ': law = pid: compiling; rasmc continues until the code is ready': '.*',
+    'Set parameter successful\n': r'Set parameter successful(: law = .*)?\n',
 }
 """Documented text that differs between machines, and its pattern."""
 
@@ -304,9 +319,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def page_run(
-    tmp_path: Path, log: Path, monkeypatch: pytest.MonkeyPatch
-) -> Iterator[PageRun]:
+def page_run(tmp_path: Path, log: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[PageRun]:
     with domain() as number:
         variables = {**child_environment(), **domain_variables(number)}
         run = PageRun(tmp_path, log, variables)
