@@ -210,7 +210,8 @@ class PageRun:
 
     def _masmc(self, arguments: list[str]) -> str:
         self._prepare(arguments)
-        is_fresh = any(self._site.iterdir()) or arguments[0] in ('compare', 'demo')
+        # These start processes, or compile for longer than the patience of a forked command.
+        is_fresh = any(self._site.iterdir()) or arguments[0] in ('compare', 'demo', 'laws')
         run = _run_fresh if is_fresh else run_command
         done = run(*arguments, folder=self._folder, environment=self._variables)
         # `masmc param set` prints why a value is rejected.
