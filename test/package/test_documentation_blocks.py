@@ -26,7 +26,7 @@ from masmc_ros.cli.commands.run import NODES
 from masmc_ros.cli.main import parser_for
 from masmc_ros.messages.topics import TOPICS
 from masmc_ros.params.node_parameters import declared
-from masmc_ros.robot.registry import DEFAULT, mechanism_from
+from masmc_ros.robot.mechanisms import DEFAULT, mechanism_from
 import pytest
 import yaml
 
