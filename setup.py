@@ -83,6 +83,7 @@ setup(
             'pyarrow',
             'pytest',
             'pytest-xdist',
+            'sybil',
             'sympy',
             'websockets',
         ],

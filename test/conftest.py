@@ -31,8 +31,8 @@ for number, usual in (
     if signal.getsignal(number) == signal.SIG_IGN:
         signal.signal(number, usual)
 
-# websockets of Ubuntu 24.04 has no `websockets.sync` yet.
-INSTALLED_BY = {**PACKAGES, 'websockets': "'websockets>=11'"}
+# websockets of Ubuntu 24.04 has no `websockets.sync` yet, and sybil is not in it.
+INSTALLED_BY = {**PACKAGES, 'sybil': 'sybil', 'websockets': "'websockets>=11'"}
 MISSING = re.compile(
     r'ModuleNotFoundError: .*\b(?P<module>rclpy|\w+_msgs|std_srvs|(?P<pip>'
     + '|'.join(INSTALLED_BY)

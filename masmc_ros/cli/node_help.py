@@ -25,9 +25,10 @@ def node_help(name: str, description: str) -> str:
         f' -p {example}:=VALUE applies to one node. Parameters marked live can be changed while'
         ' the node runs, with `ros2 param set` or `masmc param set`.'
     )
+    usage = f'usage: masmc run {name} '
     lines = [
-        f'usage: masmc run {name} {own}[--ros-args [-p NAME:=VALUE] [--params-file FILE]'
-        ' [-r FROM:=TO] ...]',
+        f'{usage}{own}[--ros-args [-p NAME:=VALUE]',
+        f'{" " * len(usage)}[--params-file FILE] [-r FROM:=TO] ...]',
         '',
         description,
         '',

@@ -86,7 +86,7 @@ class LockStep:
         return was_off
 
     def ends_with(self, error: Exception) -> bool:
-        """Return True for a UserError; raise any other error."""
+        """Return True, so a UserError of the law ends the run; raise any other error."""
         if not isinstance(error, UserError):
             raise error
         return True

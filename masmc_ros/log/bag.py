@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.qos import Qos
+from masmc_ros.log.offered_qos import Qos
 from masmc_ros.messages.definitions import Definition, definition
 import yaml
 

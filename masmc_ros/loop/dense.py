@@ -49,7 +49,7 @@ def _regressor_column(arguments: tuple[Any, Any, Numbers], j: int) -> Numbers:
 
 @kernel
 def dense(settings: Any, row: Any) -> Any:
-    """Return the vectors and the columns of the matrices for `tick_input`."""
+    """Return the inputs of a plain Python law as vectors and matrix columns, for `tick_input`."""
     gains, signals = lane_of(settings[0], 0), lane_of(row[0], 0)
     position, velocity = signals.position, signals.velocity
     model = mechanism.model_of(gains)

@@ -385,7 +385,7 @@ class _Making(Thread):
         """Wait for the compiling process; return the reason of a failure, None after success."""
         with self._lock:
             if self._is_stopped:
-                return 'given up'
+                return 'stopped'
             self._process = _started(self._mechanism, self._values)
         process = self._process
         assert process.stdin is not None

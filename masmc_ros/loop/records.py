@@ -142,7 +142,21 @@ def write_parameters(
     values: Mapping[str, Any],
     lane: int | None = None,
 ) -> None:
-    """Write checked parameter values by name into settings; `read` is that of `read_by`."""
+    """
+    Write checked parameter values into the settings of a law.
+
+    Parameters
+    ----------
+    settings
+        Records of the settings.
+    read
+        Parameters with a field in the settings, as returned by `read_by`.
+    values
+        Checked values by parameter name.
+    lane
+        Lane to write; None: all.
+
+    """
     for parameter, field in read:
         value = values[parameter.name]
         if parameter.kind == 'string':

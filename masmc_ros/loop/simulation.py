@@ -87,7 +87,7 @@ class Simulation:
         self._is_active, self._has_moved = self._start['active_on_start'], False
         self._approach = None
         if self._start['approach_on_start'] and self._is_active:
-            self._begin_approach()
+            self._start_approach()
         ticks = self.timing.last + 1
         for first in range(0, ticks, block):
             count = min(block, ticks - first)
@@ -132,7 +132,7 @@ class Simulation:
             self.controller.change(change.values)
         if change.event == ACTIVATED:
             if not self._is_active:
-                self._begin_approach()
+                self._start_approach()
             self._stop.hand_over()
         elif change.event == ADAPTATION_RESET:
             self.controller.reset_adaptation()
@@ -148,9 +148,9 @@ class Simulation:
         if change.event in (ACTIVATED, RESUMED, DEACTIVATED, GUIDED, UNFOLDED):
             self._is_active = change.event in (ACTIVATED, RESUMED)
 
-    def _begin_approach(self) -> None:
+    def _start_approach(self) -> None:
         self._approach = Approach(self.controller.robot, self._start['approach_speed'])
-        self._approach.begin()
+        self._approach.start()
 
     def _followed(self, first: int, reference: Array) -> Array:
         """

@@ -17,7 +17,7 @@ import re
 from typing import Any, NamedTuple
 
 from masmc_ros.errors import InputError
-from masmc_ros.messages.layout import (
+from masmc_ros.messages.cdr_layout import (
     checked_stamp,
     HEADER_SIZE,
     Layout,

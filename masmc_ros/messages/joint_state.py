@@ -10,7 +10,7 @@ from functools import cached_property, lru_cache
 from typing import Any
 
 from masmc_ros.errors import InputError
-from masmc_ros.messages.layout import checked_stamp, Layout, NANOSECONDS
+from masmc_ros.messages.cdr_layout import checked_stamp, Layout, NANOSECONDS
 from masmc_ros.messages.message import StampedMessage
 from masmc_ros.messages.names import JOINTS
 import numpy as np

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from masmc_ros.messages.layout import (
+from masmc_ros.messages.cdr_layout import (
     END_OF_TIME,
     HEADER_SIZE,
     NANOSECOND_DIGITS,

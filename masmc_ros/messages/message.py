@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cached_property
 
-from masmc_ros.messages.layout import ENCAPSULATION, Layout, NANOSECONDS, STAMP
+from masmc_ros.messages.cdr_layout import ENCAPSULATION, Layout, NANOSECONDS, STAMP
 import numpy as np
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import prod
 
-from masmc_ros.messages.layout import Layout
+from masmc_ros.messages.cdr_layout import Layout
 
 
 def multi_array_layout(dimensions: Sequence[tuple[str, int]], data_offset: int) -> Layout:

@@ -9,8 +9,8 @@ import json
 from typing import Any, NamedTuple
 
 from masmc_ros.errors import InputError
-from masmc_ros.messages.layout import checked_stamp
-from masmc_ros.messages.text import text_of
+from masmc_ros.messages.cdr_layout import checked_stamp
+from masmc_ros.messages.string_message import text_of
 
 _INTEGERS = range(-(2**63), 2**63)
 """Range of integer parameters in ROS 2."""

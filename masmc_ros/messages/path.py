@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from functools import cache
 
-from masmc_ros.messages.layout import Layout
+from masmc_ros.messages.cdr_layout import Layout
 import numpy as np
 from numpy.typing import NDArray
 

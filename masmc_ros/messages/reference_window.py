@@ -10,7 +10,7 @@ from functools import lru_cache
 from typing import Any
 
 from masmc_ros.errors import InputError
-from masmc_ros.messages.layout import Layout, NANOSECONDS
+from masmc_ros.messages.cdr_layout import Layout, NANOSECONDS
 from masmc_ros.messages.multi_array import multi_array_layout
 from masmc_ros.messages.names import DERIVATIVES, TASK_AXES
 import numpy as np

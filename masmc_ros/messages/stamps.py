@@ -9,8 +9,8 @@ from collections.abc import Callable
 from functools import lru_cache
 
 from masmc_ros.errors import InputError
+from masmc_ros.messages.cdr_layout import checked_stamp, ENCAPSULATION, NANOSECONDS, STAMP
 from masmc_ros.messages.commands import ARM_VELOCITY, EFFORT
-from masmc_ros.messages.layout import checked_stamp, ENCAPSULATION, NANOSECONDS, STAMP
 from masmc_ros.messages.names import ARM_VELOCITY_TOPIC, COMMAND_TOPIC, TELEMETRY, telemetry_topic
 from masmc_ros.messages.telemetry import telemetry_count, TelemetryCdr
 

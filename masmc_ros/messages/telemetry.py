@@ -11,7 +11,7 @@ import struct
 from typing import Any
 
 from masmc_ros.errors import InputError
-from masmc_ros.messages.layout import END_OF_TIME, Layout, Messages, NANOSECONDS
+from masmc_ros.messages.cdr_layout import END_OF_TIME, Layout, Messages, NANOSECONDS
 from masmc_ros.messages.message import Message
 from masmc_ros.messages.multi_array import multi_array_layout
 import numpy as np

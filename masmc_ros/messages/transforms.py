@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from functools import cache
 
-from masmc_ros.messages.layout import ENCAPSULATION, Layout, Messages, NANOSECONDS, STAMP
+from masmc_ros.messages.cdr_layout import ENCAPSULATION, Layout, Messages, NANOSECONDS, STAMP
 from masmc_ros.messages.message import Message
 from masmc_ros.robot.mechanisms import DEFAULT
 import numpy as np

@@ -25,7 +25,7 @@ Finder = Callable[[Any], Any]
 
 
 def by_class(find: Callable[[type], Any]) -> Finder:
-    """Select by the class of a named tuple; `find` returns the implementation for a class."""
+    """Return a selection by the class of a named tuple; `find` maps a class to its function."""
 
     def choose(first: Any) -> Any:
         is_type = isinstance(first, types.Type)
@@ -35,7 +35,7 @@ def by_class(find: Callable[[type], Any]) -> Finder:
 
 
 def by_tag(name: str, find: Callable[[str], Any]) -> Finder:
-    """Select by the tag `name` of a lane's record; `find` returns the implementation for a tag."""
+    """Return a selection by the tag `name` of a lane's record; `find` maps it to a function."""
 
     def choose(first: Any) -> Any:
         return find(tag_of(first.record if isinstance(first, LaneType) else first.dtype, name))

@@ -105,7 +105,7 @@ def logged_scenario(
     run: Run, settings: Iterable[str] = ()
 ) -> tuple[dict[str, Values], list[Change]]:
     """
-    Return the parameters and changes of a run, with which it can be computed again.
+    Return the parameters and changes of a run, with which it can be recomputed.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def logged_scenario(
     if run.restarted:
         raise InputError(
             f'{run.path}: {" and ".join(run.restarted)} restarted while the robot moved; only a'
-            ' run without a restart can be computed again'
+            ' run without a restart can be recomputed'
         )
     extra = _settings(settings, run.parameters['plant'])
     scenario = {}
@@ -151,7 +151,7 @@ def logged_scenario(
         when = f'at t = {run.times[np.argmax(has_path)]:g} s' if has_path.any() else 'never'
         raise InputError(
             f'{run.path}: its path starts {when}; only a run that follows it from its first'
-            ' state on can be computed again'
+            ' state on can be recomputed'
         )
     return scenario, _controller_changes(run, without=extra['controller'])
 
@@ -205,7 +205,7 @@ def _check_length(run: Run, timing: Timing) -> None:
     if (timing.last or 0) > _MOST_MISSING * len(run.times):
         raise InputError(
             f'{run.path}: its {len(run.times)} states end at t = {run.times[-1]:g} s, after'
-            f' {timing.last} ticks; only a run whose time starts at 0 can be computed again'
+            f' {timing.last} ticks; only a run whose time starts at 0 can be recomputed'
         )
 
 

@@ -13,8 +13,8 @@ from masmc_ros.errors import InputError
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.timing import LATE_TICKS, Timing
 from masmc_ros.numerics.aliases import Array
-from masmc_ros.plant.core import Action, Actions, NOTHING, PlantCore, PublishAgain
 from masmc_ros.plant.latest_command import CommandPart, Commands
+from masmc_ros.plant.plant_core import Action, Actions, NOTHING, PlantCore, PublishAgain
 from masmc_ros.throttle import Throttle
 
 _REPEATED = 0.02

@@ -15,7 +15,7 @@ _PATIENCE = 5.0
 
 
 class RecorderPace:
-    """Reports of a recorder."""
+    """Progress of a recorder by its reports, and whether lock-step has to wait for it."""
 
     def __init__(self) -> None:
         """Initialise without a recorder."""

@@ -122,12 +122,12 @@ class Approach:
         self._out = np.zeros(3 * axes)
         self._before: Array | None = None
         self._stamp = 0
-        self._begun = 0
+        self._start_stamp = 0
         self._duration = SHORTEST
         self._is_due = False
         self.is_on = False
 
-    def begin(self) -> None:
+    def start(self) -> None:
         """Start from the robot position at the next tick."""
         self._is_due = self.is_on = self._speed > 0.0
 
@@ -138,7 +138,7 @@ class Approach:
         if before is not None and before is not reference:
             limit = self._speed * _CONTINUOUS
             if _steps(before, reference, elapsed, limit, self._speed):
-                self.begin()
+                self.start()
 
     def follow(self, stamp: int, position: Array, rates: Array, reference: Array) -> Array:
         """
@@ -149,7 +149,7 @@ class Approach:
         """
         if self._is_due:
             self._is_due = False
-            self._begun = stamp
+            self._start_stamp = stamp
             way = self._start_kernel(
                 self._body,
                 position,
@@ -163,7 +163,7 @@ class Approach:
             self._duration = max(SHORTEST, _PEAK * way / self._speed)
         if not self.is_on:
             return reference
-        part = (stamp - self._begun) * 1e-9 / self._duration
+        part = (stamp - self._start_stamp) * 1e-9 / self._duration
         if not 0.0 <= part < 1.0:
             self.is_on = False
             return reference

@@ -126,8 +126,7 @@ class ReferenceWindows:
             )
         if self._windows and (stamp is None or self._covering(stamp) is not None):
             raise InputError(
-                'a set-point beside a trajectory, which goes on; end it first, or wait until it '
-                'has ended'
+                'a set-point while a trajectory runs; end the trajectory, or wait until it ends'
             )
         sample = np.zeros(self._size)
         sample[: numbers.size] = numbers
@@ -143,7 +142,7 @@ class ReferenceWindows:
             return self._set_point
         if self._set_point is not None:
             self._set_point = None
-            self._on_notice('a trajectory has begun, and the set-point is given up')
+            self._on_notice('a trajectory has started; it replaces the set-point')
         self._recent = window
         self._forget_before(stamp)
         return window.at(stamp)

@@ -68,7 +68,7 @@ def write_file(path: Path, content: bytes) -> None:
 def check_absent(path: Path, *, overwrite: bool) -> None:
     """Raise InputError for an existing file, unless `overwrite` allows to replace it."""
     if path.exists() and not overwrite:
-        raise InputError(f'{path}: is there already; add --overwrite to replace it')
+        raise InputError(f'{path}: exists already; add --overwrite to replace it')
 
 
 def file_stem(name: str, taken: set[str]) -> str:

@@ -320,7 +320,7 @@ def test_masmc_invalid_or_truncated_log_one_error_line(
     captured = capsys.readouterr()
     line = error_line(status, captured.out, captured.err)
     assert words in line
-    assert ('cut off' in line) == content.startswith(b'\x89')
+    assert ('truncated' in line) == content.startswith(b'\x89')
 
 
 def test_masmc_alone_prints_its_help(capsys: pytest.CaptureFixture[str]) -> None:

@@ -310,7 +310,7 @@ def test_view_invalid_input_one_error_line(log: Path, tmp_path: Path) -> None:
             ((str(tmp_path / 'none.mcap'),), ('none.mcap',)),
             ((str(tmp_path),), ('folder',)),
             ((str(text),), ('text.mcap', 'MCAP')),
-            ((str(torn),), ('torn.mcap', 'cut off', f'`masmc recover {torn}`')),
+            ((str(torn),), ('torn.mcap', 'truncated', f'`masmc recover {torn}`')),
             ((str(short),), ('short.mcap',)),
             ((str(log), '--port', port), (port,)),
             ((str(log), '--port', '70000'), ('70000',)),

@@ -13,7 +13,7 @@ from helpers.small_tree import parameters
 from masmc_ros.cli.commands.layout import layout_for, mechanism_of
 from masmc_ros.cli.main import main
 from masmc_ros.messages.definitions import definition
-from masmc_ros.messages.text import string_message, text_of
+from masmc_ros.messages.string_message import string_message, text_of
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.mechanisms import DEFAULT
 from masmc_ros.robot.meshes import mesh_files

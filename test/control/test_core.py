@@ -26,7 +26,7 @@ from masmc_ros.control.actions import (
     Telemetry,
     Void,
 )
-from masmc_ros.control.core import ControllerCore
+from masmc_ros.control.controller_core import ControllerCore
 from masmc_ros.control.layer_watch import LayerWatch
 from masmc_ros.errors import InputError
 from masmc_ros.loop.closed_loop import NOT_FINITE

@@ -19,7 +19,7 @@ from masmc_ros.control.actions import (
     StopCommand,
     Void,
 )
-from masmc_ros.control.core import ControllerCore
+from masmc_ros.control.controller_core import ControllerCore
 from masmc_ros.control.layer_watch import LayerWatch
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulated_robot import plant_of

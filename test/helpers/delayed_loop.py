@@ -71,7 +71,7 @@ class _Answering:
         period = control['control_period']
         self.controller = Controller(robot_of(control), period, control)
         self._approach = Approach(self.controller.robot, control['approach_speed'])
-        self._approach.begin()
+        self._approach.start()
         self._reference, self._delay, self._period = reference, delay, period
         self._free = 0.0
         self._answered: int | None = None

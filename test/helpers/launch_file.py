@@ -72,7 +72,8 @@ _MODULES: dict[str, dict[str, Any]] = {
 
 
 @contextmanager
-def _stand_ins() -> Iterator[None]:
+def stand_ins() -> Iterator[None]:
+    """Provide the modules that launch files import."""
     modules = {name: ModuleType(name) for name in _MODULES}
     for name, module in modules.items():
         vars(module).update(_MODULES[name])
@@ -87,7 +88,7 @@ def launched(folder: Path, **arguments: str) -> list[Started]:
     launch_ros of ROS 2 Jazzy writes a node's settings into a separate parameter file for `/**`.
     Here this file is in `folder`; it follows the files that the node names.
     """
-    with _stand_ins():
+    with stand_ins():
         description = runpy.run_path(str(LAUNCH_FILE))['generate_launch_description']()
         declared = [action for action in description if isinstance(action, _Argument)]
         unknown = arguments.keys() - {argument.name for argument in declared}
@@ -110,5 +111,19 @@ def _started(node: _Node, file: Path) -> Started:
             parameters = file
         command += ['--params-file', str(parameters)]
     for source, target in node['remappings']:
+        command += ['-r', f'{source}:={target}']
+    return Started(node['executable'], command)
+
+
+def node_arguments(node: Mapping[str, Any]) -> Started:
+    """Return the arguments of a node of a launch description, with a setting per parameter."""
+    command = ['--ros-args']
+    for parameters in node['parameters']:
+        if isinstance(parameters, Mapping):
+            for name, value in parameters.items():
+                command += ['-p', f'{name}:={value}']
+        else:
+            command += ['--params-file', str(parameters)]
+    for source, target in node.get('remappings', ()):
         command += ['-r', f'{source}:={target}']
     return Started(node['executable'], command)

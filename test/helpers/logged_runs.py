@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 from masmc_ros.log.mcap.chunks import ChannelRows
-from masmc_ros.log.qos import Qos
+from masmc_ros.log.offered_qos import Qos
 from masmc_ros.log.write.writer import LogWriter
+from masmc_ros.messages.cdr_layout import Messages
 from masmc_ros.messages.commands import EFFORT
 from masmc_ros.messages.joint_state import joint_state_layout
-from masmc_ros.messages.layout import Messages
 from masmc_ros.messages.names import (
     COMMAND_TOPIC,
     REFERENCE_TOPIC,

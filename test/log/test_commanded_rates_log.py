@@ -12,12 +12,12 @@ from typing import Any
 from helpers.report_html import lines, Page
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
-from masmc_ros.log.qos import Qos
+from masmc_ros.log.offered_qos import Qos
 from masmc_ros.log.read.reader import read_run, Run
 from masmc_ros.log.write.writer import LogWriter
 from masmc_ros.messages.commands import ArmVelocityCdr
 from masmc_ros.messages.joint_state import JointStateCdr
-from masmc_ros.messages.platform_motion import TwistCdr, TwistStampedCdr
+from masmc_ros.messages.platform_messages import TwistCdr, TwistStampedCdr
 from masmc_ros.messages.topics import FLOAT_ARRAY, TWIST, TWIST_STAMPED
 import numpy as np
 import pytest

@@ -19,9 +19,9 @@ from masmc_ros.messages.definitions import definition
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.names import JOINTS
 from masmc_ros.messages.parameter_record import ParameterRecord
-from masmc_ros.messages.platform_motion import OdometryCdr
+from masmc_ros.messages.platform_messages import OdometryCdr
 from masmc_ros.messages.reference_window import ReferenceWindow
-from masmc_ros.messages.text import string_message
+from masmc_ros.messages.string_message import string_message
 from masmc_ros.messages.topics import ODOMETRY
 from mcap.writer import Writer
 import numpy as np
@@ -323,7 +323,7 @@ def test_read_run_log_without_definitions_raises(tmp_path: Path) -> None:
         channel = writer.register_channel('/joint_states', 'cdr', schema)
         writer.add_message(channel, 0, foreign_state(0, ['camera'], [1.0]), 0)
         writer.finish()
-    with pytest.raises(InputError, match="in 'ros2idl'; it takes cdr with ros2msg"):
+    with pytest.raises(InputError, match="in 'ros2idl'; expected cdr with ros2msg"):
         read_run(path)
 
 

@@ -19,7 +19,7 @@ from masmc_ros import __version__
 from masmc_ros.errors import InputError
 from masmc_ros.log.mcap.chunks import arrived_records, ChannelRows, COMPRESSIONS, packed_chunk
 from masmc_ros.log.mcap.record_stream import RecordStream
-from masmc_ros.log.qos import LATCHED, Qos
+from masmc_ros.log.offered_qos import LATCHED, Qos
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.log.write.writer import CHUNK_SIZE, LogWriter
 from masmc_ros.messages.definitions import definition
@@ -397,7 +397,7 @@ def test_log_writer_killed_keeps_flushed_messages(tmp_path: Path) -> None:
         with pytest.raises(EndOfFile):
             next(chunks)
     assert (chunk.message_start_time, chunk.message_end_time) == (0, 99)
-    with pytest.raises(InputError, match='cut off'):
+    with pytest.raises(InputError, match='truncated'):
         read_run(path)
 
 

@@ -20,7 +20,7 @@ from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
 from masmc_ros.log.mcap.chunks import ChannelRows, COMPRESSIONS
 from masmc_ros.log.mcap.codec import RECORD_HEAD
-from masmc_ros.log.qos import Qos
+from masmc_ros.log.offered_qos import Qos
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.log.recover.recover import is_complete, recover, recover_all
 from masmc_ros.log.write.writer import LogWriter

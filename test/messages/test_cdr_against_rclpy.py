@@ -10,12 +10,12 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Twist, TwistStamped
 from hypothesis import given
 from hypothesis import strategies as st
+from masmc_ros.messages.cdr_layout import Layout
 from masmc_ros.messages.commands import ARM_VELOCITY, ArmVelocityCdr, EFFORT, EffortCdr
 from masmc_ros.messages.joint_state import joint_state_layout, JointStateCdr
-from masmc_ros.messages.layout import Layout
 from masmc_ros.messages.multi_array import multi_array_layout
 from masmc_ros.messages.names import DRIVEN_JOINTS, JOINTS, TELEMETRY
-from masmc_ros.messages.platform_motion import (
+from masmc_ros.messages.platform_messages import (
     odometry_layout,
     OdometryCdr,
     time_layout,

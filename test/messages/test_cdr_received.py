@@ -13,7 +13,7 @@ from masmc_ros.errors import InputError
 from masmc_ros.messages.commands import ARM_VELOCITY, ArmVelocityCdr, EFFORT, EffortCdr
 from masmc_ros.messages.joint_state import joint_state_layout, JointStateCdr
 from masmc_ros.messages.names import JOINTS
-from masmc_ros.messages.platform_motion import twist_stamped_layout, TwistStampedCdr
+from masmc_ros.messages.platform_messages import twist_stamped_layout, TwistStampedCdr
 from masmc_ros.messages.reference_window import reference_layout, ReferenceWindow
 from masmc_ros.messages.telemetry import telemetry_layout, TelemetryCdr
 import numpy as np

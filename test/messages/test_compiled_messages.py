@@ -8,9 +8,9 @@ from typing import Any
 
 from hypothesis import example, given
 from hypothesis import strategies as st
+from masmc_ros.messages.cdr_layout import END_OF_TIME, NANOSECONDS, stamps_of, UNREAD
 from masmc_ros.messages.commands import ArmVelocityCdr, CommandWriter, EffortCdr, LabelledCdr
 from masmc_ros.messages.joint_state import joint_state_layout, JointStateCdr
-from masmc_ros.messages.layout import END_OF_TIME, NANOSECONDS, stamps_of, UNREAD
 from masmc_ros.messages.telemetry import TelemetryCdr
 import numpy as np
 import pytest

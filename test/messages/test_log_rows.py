@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from masmc_ros.messages.commands import ARM_VELOCITY, ArmVelocityCdr, EFFORT, EffortCdr
 from masmc_ros.messages.joint_state import joint_state_layout, JointStateCdr
-from masmc_ros.messages.platform_motion import (
+from masmc_ros.messages.platform_messages import (
     odometry_layout,
     OdometryCdr,
     time_layout,

@@ -72,7 +72,7 @@ def test_lockstep_enable_and_set_point_run_reproducible(
         points = tester.publisher(Float64MultiArray, 'reference')
         tester.wait_for_subscribers(points, 2)
         points.publish(Float64MultiArray(data=[0.3, 0.5, 0.0, 0.0]))
-        rejection = 'reference rejected: a set-point beside a trajectory'
+        rejection = 'reference rejected: a set-point while a trajectory runs'
         tester.until(lambda: nodes['controller'].logged('ERROR', rejection), rejection)
         run.enable(False)
         run.wait_for_progress(1.5)
@@ -96,7 +96,7 @@ def test_lockstep_enable_and_set_point_run_reproducible(
     again = tmp_path / 'again.mcap'
     assert main(['simulate', str(log), '--output', str(again)]) == 0
     out = capsys.readouterr().out
-    assert 'are the same bits' in out, out
+    assert 'are bitwise identical' in out, out
     assert 'the others differ' not in out
     for topic in ('joint_states', 'effort_commands', 'controller/tracking_error'):
         assert read_log(again).messages[topic] == read_log(log).messages[topic], topic

@@ -19,7 +19,7 @@ from helpers.processes import NODES
 from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.names import JOINTS
-from masmc_ros.messages.platform_motion import OdometryCdr
+from masmc_ros.messages.platform_messages import OdometryCdr
 from masmc_ros.messages.reference_window import ReferenceWindow
 from nav_msgs.msg import Odometry
 import numpy as np

@@ -19,7 +19,7 @@ from masmc_ros.errors import UserError
 from masmc_ros.law.registry import LAWS
 from masmc_ros.messages.parameter_record import ParameterRecord, read_record
 from masmc_ros.messages.stamps import header_stamp
-from masmc_ros.messages.text import text_of
+from masmc_ros.messages.string_message import text_of
 from masmc_ros.params.scenario import load_scenario
 import pytest
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
@@ -236,7 +236,7 @@ def test_law_change_lockstep_next_tick_waits_for_code(
     first = next(tick for tick, law in laws if law == 'pid')
     assert all(tick == first for tick, _ in laws[1:])
     assert main(['simulate', str(log), '--output', str(tmp_path / 'again.mcap')]) == 0
-    assert 'are the same bits' in capfd.readouterr().out
+    assert 'are bitwise identical' in capfd.readouterr().out
 
 
 @pytest.mark.slow

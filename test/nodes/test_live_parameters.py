@@ -137,7 +137,7 @@ def test_run_through_all_laws_equals_recomputed_run(
     with processes(tmp_path) as started, peer(started.domain) as tester:
         _run_with_changes(started, tester, log, *({'law': law} for law in LAWS), {'law': 'smc'})
     assert main(['simulate', str(log), '--output', str(tmp_path / 'again.mcap')]) == 0
-    assert 'are the same bits' in capfd.readouterr().out
+    assert 'are bitwise identical' in capfd.readouterr().out
     records = read_log(tmp_path / 'again.mcap').messages['controller/parameters']
     assert len(records) >= len(LAWS) + 1
 
@@ -184,7 +184,7 @@ def test_run_with_parameter_changes_equals_recomputed_run(
     # The command prints the comparison.
     assert main(['simulate', str(log), '--output', str(tmp_path / 'again.mcap')]) == 0
     printed = capfd.readouterr().out
-    assert f'all 20001 states and 20001 commands of {log} are the same bits' in printed
+    assert f'all 20001 states and 20001 commands of {log} are bitwise identical' in printed
     # All messages are equal, including the changes at their ticks.
     recorded, again = read_log(log).messages, read_log(tmp_path / 'again.mcap').messages
     assert len(recorded['controller/parameters']) == 4

@@ -34,7 +34,7 @@ from masmc_ros.loop.simulation import Simulation
 from masmc_ros.messages.definitions import definition
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.stamps import header_stamp, transforms_stamp
-from masmc_ros.messages.text import text_of
+from masmc_ros.messages.string_message import text_of
 from masmc_ros.messages.topics import SYSTEM_TOPICS, TOPICS
 from masmc_ros.nodes.live.node import SAMPLED
 from masmc_ros.nodes.middleware.qos import publisher_qos

@@ -62,7 +62,7 @@ def check_recomputed(log: Path, folder: Path, capsys: pytest.CaptureFixture[str]
     """Recompute a run, and compare all messages of its last pass."""
     again = folder / 'again.mcap'
     assert main(['simulate', str(log), '--output', str(again)]) == 0
-    assert 'are the same bits' in (out := capsys.readouterr().out), out
+    assert 'are bitwise identical' in (out := capsys.readouterr().out), out
     assert 'the others differ' not in out
     live, computed = read_log(log), read_log(again)
     for topic in SAME:

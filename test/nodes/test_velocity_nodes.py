@@ -23,7 +23,7 @@ from masmc_ros.cli.main import main
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.messages.commands import ArmVelocityCdr
 from masmc_ros.messages.joint_state import JointStateCdr
-from masmc_ros.messages.platform_motion import TwistCdr, TwistStampedCdr
+from masmc_ros.messages.platform_messages import TwistCdr, TwistStampedCdr
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.reference.windows import ReferenceWindows
@@ -88,7 +88,7 @@ def check_recomputed(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Check that recomputing a recorded run is bitwise identical."""
     capsys.readouterr()
     assert main(['simulate', str(log)]) == 0
-    assert 'are the same bits' in capsys.readouterr().out.splitlines()[-1]
+    assert 'are bitwise identical' in capsys.readouterr().out.splitlines()[-1]
 
 
 @pytest.mark.parametrize('stamped', [{}, STAMPED], ids=['Twist', 'TwistStamped'])

@@ -25,14 +25,14 @@ def pages() -> set[Path]:
 
 def entries(page: Path) -> set[Path]:
     """Return the pages in the toctrees of a page."""
-    found = set()
+    targets: set[Path] = set()
     for body in _TOCTREE.findall(page.read_text(encoding='utf-8')):
         for line in filter(None, map(str.strip, body.splitlines())):
             titled = _TITLED.match(line)
             target = titled[1] if titled else line
             if not target.startswith((':', 'https:', 'api/')):
-                found |= set(page.parent.glob(f'{target}.md')) or {page.parent / f'{target}.md'}
-    return found - {page}
+                targets |= set(page.parent.glob(f'{target}.md')) or {page.parent / f'{target}.md'}
+    return targets - {page}
 
 
 def test_every_page_is_in_a_toctree() -> None:

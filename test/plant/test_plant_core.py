@@ -16,7 +16,9 @@ from masmc_ros.loop.simulated_robot import plant_of
 from masmc_ros.loop.timing import LATE_TICKS, Timing
 from masmc_ros.params.declaration import check_all
 from masmc_ros.params.node_parameters import declared
-from masmc_ros.plant.core import (
+from masmc_ros.plant.latest_command import CommandPart, Commands
+from masmc_ros.plant.lockstep import LockStep
+from masmc_ros.plant.plant_core import (
     Actions,
     AwaitCommand,
     Done,
@@ -25,8 +27,6 @@ from masmc_ros.plant.core import (
     Publish,
     PublishAgain,
 )
-from masmc_ros.plant.latest_command import CommandPart, Commands
-from masmc_ros.plant.lockstep import LockStep
 from masmc_ros.plant.real_time import RealTime
 from masmc_ros.robot.mechanisms import mechanism_from
 import numpy as np

@@ -52,7 +52,7 @@ def test_approach_starts_at_robot_and_ends_at_reference(
 ) -> None:
     position = np.array(state)
     approach = Approach(ROBOT, SPEED)
-    approach.begin()
+    approach.start()
     first = approach.follow(0, position, REST, reference).copy()
     assert first[:4] == pytest.approx(ROBOT.task_positions(position[None])[0], abs=1e-12)
     assert np.abs(first[4:]).max() < 1e-9  # at rest
@@ -71,7 +71,7 @@ def test_approach_starts_at_robot_and_ends_at_reference(
 def test_approach_speed_is_bounded(reference: np.ndarray) -> None:
     position = np.array([0.0, 0.0, 1.5, 0.0, 0.0, 0.8, -1.5])
     approach = Approach(ROBOT, SPEED)
-    approach.begin()
+    approach.start()
     stamp, before = 0, None
     while stamp == 0 or approach.is_on:
         followed = approach.follow(stamp, position, REST, reference).copy()
@@ -105,7 +105,7 @@ def test_approach_moving_reference_stays_in_reach(
         return np.concatenate([current, velocity, acceleration])
 
     approach = Approach(ROBOT, SPEED)
-    approach.begin()
+    approach.start()
     rows, step = [], 0.001
     for k in range(4000):
         rows.append(approach.follow(k * MS, position, REST, reference(k * step)).copy())
@@ -138,7 +138,7 @@ def test_approach_moving_robot_is_braked_smoothly(
     way = {}
     for name, initial_rates in (('moving', rates), ('at rest', REST)):
         approach = Approach(ROBOT, SPEED)
-        approach.begin()
+        approach.start()
         way[name] = []
         for k in range(501):
             way[name].append(approach.follow(k * MS, position, initial_rates, reference).copy())
@@ -185,7 +185,7 @@ def test_approach_distant_reference_torque_does_not_jump(switching: str) -> None
         run = simulation(**{'controller.law': 'smc', 'controller.switching': switching})
         plant, law = run.plant, run.controller
         approach = Approach(law.robot, speed or 1.0)
-        approach.begin()
+        approach.start()
         reference = np.array([1.3, 0.9, 1.0, 0.4, *[0.0] * 8])
         peak = 0.0
         for tick in range(12_000):

@@ -28,7 +28,7 @@ def test_reference_windows_set_point_during_trajectory_raises() -> None:
     add(windows, 10, 10)
     # Inside a window, at its end, between two windows, and before the first state.
     for stamp_ns in (0, 5 * MS, 9 * MS, 9 * MS + MS // 2, 19 * MS, None):
-        with pytest.raises(InputError, match='beside a trajectory'):
+        with pytest.raises(InputError, match='while a trajectory runs'):
             windows.set_point(POINT, stamp_ns)
     for stamp in range(20):
         sample = windows.at(stamp * MS)

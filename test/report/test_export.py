@@ -178,7 +178,7 @@ def test_export_existing_file_is_kept_without_overwrite(
     assert main(command) == 2
     message = capsys.readouterr().err
     assert message.count('\n') == 1
-    assert 'my_run.csv: is there already; add --overwrite' in message
+    assert 'my_run.csv: exists already; add --overwrite' in message
     assert (folder / 'my_run.csv').read_text() == 'mine'
     assert main([*command, '--overwrite']) == 0
     assert len(read_csv(folder / 'my_run.csv')['time_s']) == COUNT

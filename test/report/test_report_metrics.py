@@ -72,7 +72,7 @@ def test_metrics_window_is_second_half_without_last_tick(time: float, counts: bo
     error = np.zeros((len(t), 4))
     error[round(time / 0.01), 0] = 1.0
     result = metrics(run_of(error, t))
-    assert (result.begin, result.end) == (10.0, 20.0)
+    assert (result.start, result.end) == (10.0, 20.0)
     assert result.of('end_effector').largest == float(counts)
 
 

@@ -28,7 +28,7 @@ from masmc_ros.log.read.reader import Run
 from masmc_ros.log.write.writer import LogWriter
 from masmc_ros.messages.commands import ArmVelocityCdr
 from masmc_ros.messages.joint_state import JointStateCdr
-from masmc_ros.messages.platform_motion import TwistCdr
+from masmc_ros.messages.platform_messages import TwistCdr
 from masmc_ros.messages.topics import TWIST
 from masmc_ros.report.measure.labels import labels
 from masmc_ros.report.measure.metrics import metrics

@@ -9,7 +9,7 @@ from helpers.report_html import unpacked
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-from masmc_ros.report.page.samples import packed_path, packed_signal
+from masmc_ros.report.page.packed_samples import packed_path, packed_signal
 import numpy as np
 
 ANY = st.floats(-1e300, 1e300) | st.sampled_from([0.0, 1.0, np.nan, np.inf, -np.inf])

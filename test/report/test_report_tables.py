@@ -24,7 +24,7 @@ import pytest
 E, F = DEFAULT.points
 
 KNOWN = Metrics(
-    begin=10.0,
+    start=10.0,
     end=20.0,
     points={E: Reached(0.020688, 0.0752, 1.934), F: Reached(0.0395656, 0.0601855, math.inf)},
     joints=4,

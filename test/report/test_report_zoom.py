@@ -16,13 +16,13 @@ from helpers.report_runs import run_of, ticks
 from masmc_ros.cli.main import main
 from masmc_ros.log.read.reader import read_run, Run
 from masmc_ros.report.measure.tracking import tracking
-from masmc_ros.report.page.samples import MOST
+from masmc_ros.report.page.packed_samples import MOST
 from masmc_ros.report.report import write_report
 import numpy as np
 import pytest
 
 PAPER = Path(__file__).resolve().parents[2] / 'config' / 'paper.yaml'
-BEGIN, END = 10.0, 10.1
+START, END = 10.0, 10.1
 
 # Samples drawn of the torques, for the whole run and for 0.1 s; then of the path.
 ZOOM = """
@@ -84,7 +84,7 @@ def zoom(run: Run, tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Any
     assert actual is not None
     x, y = actual[np.searchsorted(run.times, 11.0), :2]
     box = [x - 5e-3, x + 5e-3, y - 5e-3, y + 5e-3]
-    return zoomed_report(run, tmp_path_factory.mktemp('sign'), BEGIN, END, box)
+    return zoomed_report(run, tmp_path_factory.mktemp('sign'), START, END, box)
 
 
 def changes_of_sign(values: Any) -> int:
@@ -96,16 +96,16 @@ def changes_of_sign(values: Any) -> int:
 @needs_chromium
 def test_report_zoom_short_section_draws_every_sample(run: Run, zoom: Mapping[str, Any]) -> None:
     assert zoom['problems'] == []
-    is_seen = (run.torque.times >= BEGIN) & (run.torque.times <= END)
+    is_seen = (run.torque.times >= START) & (run.torque.times <= END)
     crossings = 0
     for drawn, torque, line in zip(
         zoom['near'], run.torque.values.T, zoom['corners'], strict=True
     ):
         x, y = np.array(drawn['x']), np.array(drawn['y'])
-        inside = (x >= BEGIN) & (x <= END)
+        inside = (x >= START) & (x <= END)
         np.testing.assert_array_equal(x[inside], run.torque.times[is_seen])
         np.testing.assert_array_equal(y[inside], torque[is_seen].astype(np.float32))
-        assert x[0] < BEGIN  # the line enters from the left
+        assert x[0] < START  # the line enters from the left
         # The drawn polyline has at least as many corners.
         assert len(re.findall('[ML]', line)) >= np.count_nonzero(is_seen)
         crossings = max(crossings, changes_of_sign(y[inside]))
@@ -166,7 +166,7 @@ def test_report_zoom_too_many_samples_draws_boxes(tmp_path: Path) -> None:
     assert len(times) > 2 * MOST
     chatter = np.where(np.arange(len(times)) % 2, 80.0, -80.0)[:, None] * np.ones(4)
     run = run_of(np.ones((len(times), 4)), times, torque=chatter)
-    zoom = zoomed_report(run, tmp_path, BEGIN, BEGIN + 0.01, [0.0, 1.0, 0.0, 1.0])
+    zoom = zoomed_report(run, tmp_path, START, START + 0.01, [0.0, 1.0, 0.0, 1.0])
     assert zoom['problems'] == []
     for drawn in zoom['near']:
         assert drawn['fill'] == 'toself'  # boxes, not a line
@@ -176,5 +176,5 @@ def test_report_zoom_too_many_samples_draws_boxes(tmp_path: Path) -> None:
         np.testing.assert_array_equal(np.nanmax(boxes[:, :, 1], axis=1), 80.0)
         starts, ends = boxes[:, 0, 0], boxes[:, 2, 0]
         np.testing.assert_array_equal(ends[:-1], starts[1:])
-        assert starts[0] <= BEGIN < BEGIN + 0.01 <= ends[-1]
+        assert starts[0] <= START < START + 0.01 <= ends[-1]
     assert {drawn['fill'] for drawn in zoom['whole']} == {'none'}

@@ -175,7 +175,7 @@ def _watch(
 ) -> None:
     """Show progress until all nodes have ended or one has failed; UserError after `patience`."""
     # Imported here: without rclpy, `demo` ends with one line.
-    from masmc_ros.cli.progress import run_progress
+    from masmc_ros.cli.run_progress import run_progress
 
     limit = time.monotonic() + patience
     form = '{l_bar}{bar}| {n:.1f}/{total:.0f} s simulated [{elapsed}<{remaining}]'

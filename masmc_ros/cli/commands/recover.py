@@ -13,7 +13,7 @@ from masmc_ros.cli.arguments import add_logs
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.gaps import state_gaps
 from masmc_ros.log.recover.recover import recover
-from masmc_ros.messages.layout import NANOSECONDS
+from masmc_ros.messages.cdr_layout import NANOSECONDS
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

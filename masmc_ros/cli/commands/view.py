@@ -19,9 +19,9 @@ from urllib.parse import urlencode
 
 from masmc_ros.cli.commands.layout import mechanism_of, write_layout
 from masmc_ros.cli.show.file_server import FileServer, HOST
-from masmc_ros.cli.show.meshes import described, write_with_addresses
+from masmc_ros.cli.show.served_meshes import described, write_with_addresses
 from masmc_ros.errors import InputError
-from masmc_ros.log.mcap.codec import check_magic, cut_off, MAGIC
+from masmc_ros.log.mcap.codec import check_magic, MAGIC, truncated_message
 from masmc_ros.log.recover.recover import is_complete
 from masmc_ros.robot.mechanisms import DEFAULT
 from masmc_ros.share import shared_file
@@ -140,7 +140,7 @@ def _check(path: Path) -> None:
         reason = getattr(error, 'strerror', None) or error
         raise InputError(f'{path}: cannot be read: {reason}') from error
     if not is_whole:
-        raise InputError(cut_off(path))
+        raise InputError(truncated_message(path))
 
 
 def _tunnel(port: int) -> str:

@@ -44,11 +44,11 @@ def check_magic(path: Path, start: bytes) -> None:
         raise InputError(f'{path}: is not an MCAP file; name a log such as run.mcap')
 
 
-def cut_off(path: Path) -> str:
+def truncated_message(path: Path) -> str:
     """Return the error message for a log without its end."""
     return (
-        f'{path}: the log ends before its end, its recorder was cut off;'
-        f' `masmc recover {path}` makes a complete one of it'
+        f'{path}: truncated: its recorder was killed before it completed the log;'
+        f' `masmc recover {path}` completes it'
     )
 
 

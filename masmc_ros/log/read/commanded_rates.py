@@ -12,7 +12,7 @@ from typing import Any
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.contents import Topic
 from masmc_ros.log.read.decode import message_decoder, Series
-from masmc_ros.messages.platform_motion import twist_numbers, TwistCdr, TwistStampedCdr
+from masmc_ros.messages.platform_messages import twist_numbers, TwistCdr, TwistStampedCdr
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.messages.topics import TWIST_STAMPED
 import numpy as np

@@ -14,9 +14,7 @@ from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.contents import Topic
-from masmc_ros.messages.commands import CommandKind, LabelledCdr
-from masmc_ros.messages.joint_state import FIELDS, joint_state_layout, JointStateCdr
-from masmc_ros.messages.layout import (
+from masmc_ros.messages.cdr_layout import (
     checked_stamp,
     END_OF_TIME,
     Layout,
@@ -25,6 +23,8 @@ from masmc_ros.messages.layout import (
     NANOSECONDS,
     stamps_of,
 )
+from masmc_ros.messages.commands import CommandKind, LabelledCdr
+from masmc_ros.messages.joint_state import FIELDS, joint_state_layout, JointStateCdr
 from masmc_ros.messages.names import JOINTS
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.messages.telemetry import telemetry_layout, TelemetryCdr
@@ -112,7 +112,7 @@ def message_decoder(topic: Topic) -> Callable[[bytes], Any]:
         raise InputError(
             f"{topic.name}: messages in '{topic.encoding}' with definitions in"
             f" '{topic.schema.encoding if topic.schema else ''}';"
-            ' it takes cdr with ros2msg, as ROS 2 records them'
+            ' expected cdr with ros2msg, as ROS 2 records them'
         )
 
     def decode(raw: bytes) -> Any:

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from masmc_ros.control.stamp_order import in_time
-from masmc_ros.messages.layout import NANOSECONDS
+from masmc_ros.messages.cdr_layout import NANOSECONDS
 from masmc_ros.messages.names import STATE_TOPIC
 from mcap.reader import make_reader
 import numpy as np

@@ -11,8 +11,8 @@ from masmc_ros.errors import InputError
 from masmc_ros.log.read.contents import Topic
 from masmc_ros.log.read.decode import message_decoder, Series
 from masmc_ros.log.read.timeline import last_pass
-from masmc_ros.messages.layout import checked_stamp
-from masmc_ros.messages.platform_motion import odometry_numbers
+from masmc_ros.messages.cdr_layout import checked_stamp
+from masmc_ros.messages.platform_messages import odometry_numbers
 from masmc_ros.robot.base_pose import BasePose, OLDEST_POSE_NS
 import numpy as np
 

@@ -24,8 +24,8 @@ from masmc_ros.loop.signals import CONTACT, PUBLISHED, Signal
 from masmc_ros.messages import names as message_names
 from masmc_ros.messages.commands import ARM_VELOCITY, EFFORT
 from masmc_ros.messages.parameter_record import ParameterRecord
+from masmc_ros.messages.string_message import text_of
 from masmc_ros.messages.telemetry import telemetry_count
-from masmc_ros.messages.text import text_of
 from masmc_ros.messages.topics import FLOAT_ARRAY, ODOMETRY, TOPICS, TWIST, TWIST_STAMPED
 from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.field import ONE

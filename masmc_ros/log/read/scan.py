@@ -74,10 +74,10 @@ def _scan_file(path: Path, contents: LogContents) -> None:
 def _scan_data(path: Path, data: codec.Data, contents: LogContents) -> None:
     codec.check_magic(path, data[: len(codec.MAGIC)])
     if len(data) == len(codec.MAGIC) or data[-len(codec.MAGIC):] != codec.MAGIC:
-        raise InputError(codec.cut_off(path))
+        raise InputError(codec.truncated_message(path))
     _check_size(path, data)
     collector, opcode, end = _Collector(contents), 0, len(codec.MAGIC)
-    hint = f'`masmc recover {path}` makes a complete one of it'
+    hint = f'`masmc recover {path}` completes it'
     for opcode, start, end in codec.records(data):
         try:
             collector.add(data, opcode, start, end)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from masmc_ros.messages.layout import NANOSECONDS
+from masmc_ros.messages.cdr_layout import NANOSECONDS
 from masmc_ros.messages.names import DERIVATIVES, TASK_AXES
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.numerics.aliases import Array, Stamps

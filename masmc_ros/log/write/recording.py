@@ -19,7 +19,7 @@ from typing import Any
 from masmc_ros.errors import InputError
 from masmc_ros.log.bag import METADATA_FILE, Part, RecordedTopic, write_bag_metadata
 from masmc_ros.log.mcap.chunks import arrived_records, Message
-from masmc_ros.log.qos import Qos
+from masmc_ros.log.offered_qos import Qos
 from masmc_ros.log.write.writer import LogWriter
 from masmc_ros.messages.definitions import Definition
 import numpy as np
@@ -355,7 +355,7 @@ class Recording:
             if time.monotonic() > limit:
                 raise InputError(
                     f'{log.path}: {self.trouble}; what it took is there, and'
-                    f' `masmc recover {log.path}` makes a complete log of it'
+                    f' `masmc recover {log.path}` completes it'
                 )
             time.sleep(_TURN)
         log.close_file()

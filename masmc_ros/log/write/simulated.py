@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from masmc_ros.log.mcap.chunks import ChannelRows
-from masmc_ros.log.qos import Qos
+from masmc_ros.log.offered_qos import Qos
 from masmc_ros.log.traced_paths import ActualPath, DesiredPath
 from masmc_ros.log.write.provenance import write_origin, write_parameters
 from masmc_ros.log.write.writer import LogWriter
@@ -19,14 +19,14 @@ from masmc_ros.loop.signals import PUBLISHED
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.tick_block import Change, TickBlock
 from masmc_ros.messages import names as message_names
-from masmc_ros.messages import platform_motion, topics
+from masmc_ros.messages import platform_messages, topics
+from masmc_ros.messages.cdr_layout import Messages
 from masmc_ros.messages.commands import ARM_VELOCITY, EFFORT
 from masmc_ros.messages.joint_state import joint_state_layout
-from masmc_ros.messages.layout import Messages
 from masmc_ros.messages.parameter_record import ParameterRecord
 from masmc_ros.messages.reference_window import ReferenceWindow
+from masmc_ros.messages.string_message import string_message
 from masmc_ros.messages.telemetry import telemetry_messages
-from masmc_ros.messages.text import string_message
 from masmc_ros.messages.transforms import transforms_messages
 from masmc_ros.robot.joint_names import check_frame_prefix, joint_names
 from masmc_ros.robot.robot import robot_description, robot_of
@@ -193,10 +193,10 @@ class SimulationLog:
         twist = {'linear': rates[:, :3], 'angular': rates[:, 3:]}
         if self._is_stamped:
             frame = mechanism.frames[0][1]
-            layout = platform_motion.twist_stamped_layout(self._command_prefix, frame)
+            layout = platform_messages.twist_stamped_layout(self._command_prefix, frame)
             twists = layout.messages(stamp=stamps, **twist)
         else:
-            twists = platform_motion.twist_layout().messages(**twist)
+            twists = platform_messages.twist_layout().messages(**twist)
         yield message_names.CMD_VEL_TOPIC, stamps, twists
         for group in ARM_VELOCITY.named(driven[own:]).messages(stamps, tick_block.rates[:, own:]):
             yield message_names.ARM_VELOCITY_TOPIC, stamps[group.indices], group.messages
@@ -219,18 +219,18 @@ class SimulationLog:
             tick_block.position[rows], tick_block.velocity[rows]
         )
         twist = {'linear': velocity[:, :3], 'angular': velocity[:, 3:]}
-        layout = platform_motion.odometry_layout(self._prefix, mechanism.frames[0][1])
+        layout = platform_messages.odometry_layout(self._prefix, mechanism.frames[0][1])
         yield 'odom', stamps, layout.messages(
             stamp=stamps, position=pose[:, :3], orientation=pose[:, 3:], **twist
         )
-        yield 'base_twist', stamps, platform_motion.twist_layout().messages(**twist)
+        yield 'base_twist', stamps, platform_messages.twist_layout().messages(**twist)
         topic, label = message_names.CONTACT_TOPIC, message_names.CONTACT_LABEL
         if topic in self._channels:
             yield topic, stamps, telemetry_messages(label, stamps, tick_block.contact[rows])
 
     def _clock(self, block: _Block) -> Iterator[_Rows]:
         stamps = block.stamps[self._rows(block, 'clock')]
-        yield message_names.CLOCK_TOPIC, stamps, platform_motion.time_layout().messages(
+        yield message_names.CLOCK_TOPIC, stamps, platform_messages.time_layout().messages(
             stamp=stamps
         )
 

@@ -14,7 +14,7 @@ from masmc_ros.errors import InputError, suggestion
 from masmc_ros.log.mcap import chunks
 from masmc_ros.log.mcap.codec import packed
 from masmc_ros.log.mcap.record_stream import RecordStream
-from masmc_ros.log.qos import Qos
+from masmc_ros.log.offered_qos import Qos
 from masmc_ros.log.write.sink import RecordSink
 from masmc_ros.messages.definitions import Definition, definition
 from masmc_ros.whole_file import WholeFile

@@ -12,7 +12,7 @@ from geometry_msgs.msg import Twist, TwistStamped
 from masmc_ros.loop.controller import Controller
 from masmc_ros.messages.commands import ARM_VELOCITY, CommandWriter, EFFORT
 from masmc_ros.messages.names import ARM_VELOCITY_TOPIC, CMD_VEL_TOPIC, COMMAND_TOPIC
-from masmc_ros.messages.platform_motion import TwistCdr, TwistStampedCdr
+from masmc_ros.messages.platform_messages import TwistCdr, TwistStampedCdr
 from masmc_ros.robot.joint_names import check_frame_prefix
 import numpy as np
 from rclpy.publisher import Publisher

@@ -8,11 +8,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 import time
 
-from masmc_ros.control.core import ControllerCore
+from masmc_ros.control.controller_core import ControllerCore
 from masmc_ros.control.supervisor import ACTIVE, FAULT
 from masmc_ros.loop.controller import Controller
 from masmc_ros.nodes.controller.command_output import CommandOutput
-from masmc_ros.nodes.controller.saturation import Saturation
+from masmc_ros.nodes.controller.limited_ticks import Saturation
 from masmc_ros.nodes.controller.tick_times import TickTimes
 from masmc_ros.nodes.process.diagnostics import ERROR, Health, OK, senders, WARN
 from masmc_ros.nodes.process.rejected_messages import RejectedMessages

@@ -27,7 +27,7 @@ from masmc_ros.control.actions import (
     Void,
     Wait,
 )
-from masmc_ros.control.core import ControllerCore
+from masmc_ros.control.controller_core import ControllerCore
 from masmc_ros.control.layer_watch import LayerWatch
 from masmc_ros.control.supervisor import FAULT
 from masmc_ros.errors import InputError
@@ -43,7 +43,7 @@ from masmc_ros.nodes.controller.command_output import CommandOutput, RateOutput,
 from masmc_ros.nodes.controller.health import ControllerHealth
 from masmc_ros.nodes.controller.reference_input import ReferenceInput
 from masmc_ros.nodes.controller.state_input import StateInput
-from masmc_ros.nodes.controller.telemetry import ControllerTelemetry
+from masmc_ros.nodes.controller.telemetry_output import ControllerTelemetry
 from masmc_ros.nodes.middleware.past import subscribe_with_past
 from masmc_ros.nodes.parameters.ros_parameters import Pending
 from masmc_ros.nodes.process.base import SuiteNode
@@ -162,7 +162,7 @@ class ControllerNode(SuiteNode):
         self._controller.reset()
         approach = Approach(self._controller.robot, 1.0)
         for stamp in range(2):
-            approach.begin()
+            approach.start()
             approach.watch(stamp, reference.copy())
             approach.follow(stamp, position, np.zeros(sizes['joints']), reference)
         # A stamp between two samples, as a real robot sends them.

@@ -10,9 +10,9 @@ from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES
+from masmc_ros.messages.cdr_layout import checked_stamp, UNREAD
 from masmc_ros.messages.joint_state import JointStateCdr
-from masmc_ros.messages.layout import checked_stamp, UNREAD
-from masmc_ros.messages.platform_motion import odometry_numbers
+from masmc_ros.messages.platform_messages import odometry_numbers
 from masmc_ros.nodes.middleware.messages import deserialized
 from masmc_ros.nodes.middleware.past import subscribe_with_past
 from masmc_ros.nodes.process.rejected_messages import RejectedMessages

@@ -23,7 +23,7 @@ from masmc_ros.messages.names import (
     telemetry_topic,
 )
 from masmc_ros.messages.stamps import stamp_reader, StampReader
-from masmc_ros.messages.text import text_of
+from masmc_ros.messages.string_message import text_of
 from masmc_ros.messages.topics import (
     PARAMETER_NODES,
     parameters_topic,
@@ -32,7 +32,7 @@ from masmc_ros.messages.topics import (
     TOPICS,
     TRANSFORMS,
 )
-from masmc_ros.nodes.live.samples import Samples
+from masmc_ros.nodes.live.sampling import Samples
 from masmc_ros.nodes.live.server import LiveServer
 from masmc_ros.nodes.live.state_transforms import StateTransforms
 from masmc_ros.nodes.live.viewer_parameters import LiveParameters

@@ -37,7 +37,7 @@ _MaximalSize = ctypes.CFUNCTYPE(ctypes.c_size_t, _Pointer)
 
 
 class _TypeSupport(ctypes.Structure):
-    """rosidl_message_type_support_t of Jazzy."""
+    """C structure `rosidl_message_type_support_t` of ROS 2 Jazzy."""
 
     _fields_ = (
         ('identifier', ctypes.c_char_p),

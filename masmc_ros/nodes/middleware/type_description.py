@@ -93,7 +93,7 @@ class DefinitionRequest:
         if time.monotonic() > self._limit:
             raise InputError(
                 f'{self._sender} sends no definition of {self._request.type_name}: no response '
-                f'from {self._client.srv_name}'
+                f'from {self._client.srv_name}; install the package of the type'
             )
         return None
 

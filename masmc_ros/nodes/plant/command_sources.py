@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 
 from geometry_msgs.msg import Twist, TwistStamped
 from masmc_ros.errors import InputError
+from masmc_ros.messages.cdr_layout import checked_stamp
 from masmc_ros.messages.commands import ArmVelocityCdr, EffortCdr, LabelledCdr
-from masmc_ros.messages.layout import checked_stamp
 from masmc_ros.messages.names import ARM_VELOCITY_TOPIC, CMD_VEL_TOPIC, COMMAND_TOPIC
-from masmc_ros.messages.platform_motion import twist_numbers, TwistCdr, TwistStampedCdr
+from masmc_ros.messages.platform_messages import twist_numbers, TwistCdr, TwistStampedCdr
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.messages.topics import FLOAT_ARRAY, TWIST, TWIST_STAMPED
 from masmc_ros.nodes.middleware.messages import deserialized

@@ -27,7 +27,9 @@ from masmc_ros.nodes.process.diagnostics import Health, publish_health
 from masmc_ros.nodes.process.rejected_messages import RejectedMessages
 from masmc_ros.nodes.process.runtime import run
 from masmc_ros.numerics.aliases import Array
-from masmc_ros.plant.core import (
+from masmc_ros.plant.latest_command import CommandPart, Commands
+from masmc_ros.plant.lockstep import LockStep
+from masmc_ros.plant.plant_core import (
     Actions,
     AwaitCommand,
     Done,
@@ -35,8 +37,6 @@ from masmc_ros.plant.core import (
     Publish,
     PublishAgain,
 )
-from masmc_ros.plant.latest_command import CommandPart, Commands
-from masmc_ros.plant.lockstep import LockStep
 from masmc_ros.plant.real_time import RealTime
 import numpy as np
 from rclpy.context import Context

@@ -11,7 +11,7 @@ from masmc_ros.errors import InputError
 from masmc_ros.log.traced_paths import ActualPath
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.names import ACTUAL_PATH_TOPIC, DESCRIPTION_TOPIC
-from masmc_ros.messages.text import string_message
+from masmc_ros.messages.string_message import string_message
 from masmc_ros.messages.topics import TRANSFORMS, transforms_topic
 from masmc_ros.messages.transforms import TransformsCdr
 from masmc_ros.nodes.middleware.raw_types import raw_class

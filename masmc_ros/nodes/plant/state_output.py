@@ -13,7 +13,7 @@ from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.names import CLOCK_TOPIC, CONTACT_LABEL, CONTACT_TOPIC
-from masmc_ros.messages.platform_motion import OdometryCdr, TimeCdr, TwistCdr
+from masmc_ros.messages.platform_messages import OdometryCdr, TimeCdr, TwistCdr
 from masmc_ros.messages.telemetry import TelemetryCdr
 from masmc_ros.nodes.middleware.qos import DEEP
 from masmc_ros.nodes.plant.robot_display import RobotDisplay

@@ -18,7 +18,7 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from masmc_ros.control.supervisor import ACTIVE
 from masmc_ros.errors import InputError
-from masmc_ros.log.qos import Qos
+from masmc_ros.log.offered_qos import Qos
 from masmc_ros.log.recover.recover import recover_all
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.definitions import Definition
@@ -34,7 +34,7 @@ from masmc_ros.messages.names import (
 )
 from masmc_ros.messages.parameter_record import record_of
 from masmc_ros.messages.stamps import stamp_reader
-from masmc_ros.messages.text import text_of
+from masmc_ros.messages.string_message import text_of
 from masmc_ros.messages.topics import (
     PARAMETER_NODES,
     parameters_topic,
@@ -189,7 +189,8 @@ class RecorderNode(SuiteNode):
     def _recover_in(self, folder: Path) -> None:
         for path, recovered in recover_all(folder):
             self.log.warning(
-                f'{path}: its recorder was cut off; completed with {recovered.messages} messages'
+                f'{path}: truncated log of a killed recorder; completed with '
+                f'{recovered.messages} messages'
             )
 
     def _watch_disk(self) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.write.recording import clear_recording, Options, Recording
-from masmc_ros.messages.layout import NANOSECONDS
+from masmc_ros.messages.cdr_layout import NANOSECONDS
 from masmc_ros.nodes.recorder.attachments import Attachments
 
 MEGABYTE = 1_000_000
@@ -37,7 +37,7 @@ def open_recording(values: Mapping[str, Any], attachments: Attachments) -> Recor
     if place.exists():
         if not values['overwrite']:
             raise InputError(
-                f'output = {place}: is there already; name another, or set overwrite to true'
+                f'output = {place}: exists already; name another, or set overwrite to true'
             )
         if options.is_split:
             clear_recording(place)

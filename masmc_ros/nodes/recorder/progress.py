@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 from builtin_interfaces.msg import Time
 from masmc_ros.log.write.recording import Recording
-from masmc_ros.messages.layout import NANOSECONDS
+from masmc_ros.messages.cdr_layout import NANOSECONDS
 from masmc_ros.nodes.recorder.coverage import Coverage
 
 _EVERY = 100

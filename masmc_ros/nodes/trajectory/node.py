@@ -12,7 +12,7 @@ from masmc_ros.control.supervisor import would_follow
 from masmc_ros.errors import InputError
 from masmc_ros.log.traced_paths import DesiredPath
 from masmc_ros.loop.timing import Timing
-from masmc_ros.messages.layout import checked_stamp
+from masmc_ros.messages.cdr_layout import checked_stamp
 from masmc_ros.messages.names import DESIRED_PATH_TOPIC
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.messages.stamps import header_stamp
@@ -107,7 +107,7 @@ class TrajectoryNode(SuiteNode):
             self.wait('a state of the robot (joint_states)')
 
     def _follow(self, raw: bytes) -> None:
-        """Send the windows up to the horizon after a message's stamp."""
+        """Publish the windows from a message's stamp to the horizon after it."""
         try:
             stamp = header_stamp(raw)
             # The windows ahead of it need valid stamps too.

@@ -55,7 +55,7 @@ def error_figure(
         1.0,
         1.02,
         rf'enlarged; RMS $|e_{point.symbol}|$ = {rms * SMALL:.3g} {unit} over'
-        f' {reached.begin:g}–{reached.end:g} s',
+        f' {reached.start:g}–{reached.end:g} s',
         transform=lower.transAxes,
         fontsize=7.0,
         ha='right',
@@ -69,8 +69,8 @@ def error_figure(
 
 def _enlarge(axes: Axes, tracked: Tracking, error: np.ndarray, reached: Metrics) -> None:
     """Scale to the errors in the window and shade it."""
-    settled = error[(reached.begin <= tracked.times) & (tracked.times < reached.end)]
+    settled = error[(reached.start <= tracked.times) & (tracked.times < reached.end)]
     largest = float(np.nanmax(np.abs(settled), initial=0.0))
     if np.isfinite(largest) and largest > 0.0:
         axes.set_ylim(-_HEADROOM * largest, _HEADROOM * largest)
-    axes.axvspan(reached.begin, reached.end, color=GREY, alpha=0.12, linewidth=0.0)
+    axes.axvspan(reached.start, reached.end, color=GREY, alpha=0.12, linewidth=0.0)

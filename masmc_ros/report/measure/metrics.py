@@ -39,7 +39,7 @@ class Samples:
     torque
         (M, joints) in N m.
     window
-        begin <= t < end.
+        start <= t < end.
     points
         points of the robot.
     estimate
@@ -114,8 +114,8 @@ class Samples:
         )
 
     def _within(self, times: Array) -> NDArray[np.bool_]:
-        begin, end = self.window
-        return (begin <= times) & (times < end)
+        start, end = self.window
+        return (start <= times) & (times < end)
 
 
 class Metric(NamedTuple):
@@ -180,9 +180,9 @@ def total_variation(samples: Array) -> float:
 
 
 def _variation(samples: Samples) -> float | None:
-    """Return sum_i sum_k |tau_i,k+1 - tau_i,k| / (end - begin) of the commands."""
-    torques, (begin, end) = samples.torques(), samples.window
-    return total_variation(torques) / (end - begin) if len(torques) else None
+    """Return sum_i sum_k |tau_i,k+1 - tau_i,k| / (end - start) of the commands."""
+    torques, (start, end) = samples.torques(), samples.window
+    return total_variation(torques) / (end - start) if len(torques) else None
 
 
 def _estimate_norm(samples: Samples) -> float | None:
@@ -213,13 +213,13 @@ class Reached:
 @dataclass(frozen=True)
 class Metrics:
     """
-    Errors and torques of a run over the window begin <= t < end in s from the first state.
+    Errors and torques of a run over the window start <= t < end in s from the first state.
 
     A value is None if the log lacks its data. `points` contains the distances of the robot's
     points, `joints` is the number of commanded torques.
     """
 
-    begin: float
+    start: float
     end: float
     points: Mapping[Point, Reached]
     joints: int
@@ -257,7 +257,7 @@ def metrics(run: Run, *, window: Window | None = None, tracked: Tracking | None 
     run
         the run.
     window
-        begin <= t < end in s from the first state; by default the second half.
+        start <= t < end in s from the first state; by default the second half.
     tracked
         the run's tracking, if it is known already.
 

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from masmc_ros.log.read.gaps import gaps_in
 from masmc_ros.log.read.reader import Run
 from masmc_ros.loop.signals import PUBLISHED
-from masmc_ros.messages.layout import NANOSECONDS
+from masmc_ros.messages.cdr_layout import NANOSECONDS
 from masmc_ros.messages.names import (
     ARM_VELOCITY_TOPIC,
     CMD_VEL_TOPIC,

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import Run
-from masmc_ros.messages.layout import NANOSECONDS
+from masmc_ros.messages.cdr_layout import NANOSECONDS
 from masmc_ros.params.declaration import check_all
 from masmc_ros.robot.robot import Robot, robot_of
 

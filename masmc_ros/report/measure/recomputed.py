@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Comparison of a run that was computed again with its log, bit by bit."""
+"""Comparison of a recomputed run with its log, bit by bit."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from masmc_ros.log.read.decode import Series
 from masmc_ros.log.read.reader import Run
 from masmc_ros.loop.tick_block import TickBlock
 from masmc_ros.loop.timing import Timing
-from masmc_ros.messages.layout import NANOSECONDS
+from masmc_ros.messages.cdr_layout import NANOSECONDS
 import numpy as np
 from numpy.typing import NDArray
 
@@ -48,15 +48,15 @@ class Recomputed:
         sent = len(run.cmd_vel) + len(run.arm_rates) if run.commands_rates else len(run.torque)
         total = f'{len(self._states)} states and {sent} commands'
         if states == len(self._states) and commands == sent:
-            return f'computed again: all {total} of {self._run.path} are the same bits'
+            return f'recomputed: all {total} of {self._run.path} are bitwise identical'
         # Different settings give a different run.
         reason = ' with other parameters' if is_changed else ''
         where = 'outside the ticks of the run'
         if self._first is not None:
             where = f'first {self._first[1]} at t = {self._first[0] / NANOSECONDS:.3f} s'
         return (
-            f'computed again{reason}: {states} states and {commands} commands of the {total} of'
-            f' {self._run.path} are the same bits; the others differ, {where}'
+            f'recomputed{reason}: {states} states and {commands} commands of the {total} of'
+            f' {self._run.path} are bitwise identical; the others differ, {where}'
         )
 
     def _compare(

@@ -120,7 +120,7 @@ def csv_table(rows: Mapping[str, Metrics]) -> str:
     units = (f'{column.name} ({column.unit})' for column in shown)
     writer.writerow(['run', 'begin (s)', 'end (s)', *units])
     for label, row in rows.items():
-        writer.writerow([label, row.begin, row.end, *(column.value(row) for column in shown)])
+        writer.writerow([label, row.start, row.end, *(column.value(row) for column in shown)])
     return out.getvalue()
 
 
@@ -144,7 +144,7 @@ def cells(rows: Mapping[str, Metrics]) -> list[list[str]]:
     """Return the cells of the runs, one text per column."""
     shown = columns(rows.values())
     return [
-        [label, f'{row.begin:g}-{row.end:g}', *(_text(c.value(row), c.factor) for c in shown)]
+        [label, f'{row.start:g}-{row.end:g}', *(_text(c.value(row), c.factor) for c in shown)]
         for label, row in rows.items()
     ]
 

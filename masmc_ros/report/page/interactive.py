@@ -16,7 +16,7 @@ from masmc_ros.loop.signals import CONTACT, PUBLISHED, Signal
 from masmc_ros.numerics.aliases import Array
 from masmc_ros.report.measure.parameters import run_changes
 from masmc_ros.report.measure.tracking import Compared, Tracking
-from masmc_ros.report.page.samples import packed_path
+from masmc_ros.report.page.packed_samples import packed_path
 from masmc_ros.report.page.time_plot import (
     COLOURS,
     INK,

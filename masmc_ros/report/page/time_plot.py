@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from masmc_ros.numerics.aliases import Array
 from masmc_ros.report.measure.parameters import Change, change_texts
-from masmc_ros.report.page.samples import packed_signal
+from masmc_ros.report.page.packed_samples import packed_signal
 import plotly.graph_objects as go
 
 COLOURS = ('blue', 'vermillion', 'green', 'purple', 'orange', 'sky', 'ink')

@@ -25,7 +25,7 @@ from helpers.processes import (
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.messages.names import TELEMETRY
 from masmc_ros.messages.stamps import header_stamp
-from masmc_ros.messages.text import text_of
+from masmc_ros.messages.string_message import text_of
 from masmc_ros.params.scenario import load_scenario
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory

@@ -8,7 +8,7 @@ from __future__ import annotations
 from functools import cache
 from typing import Any
 
-from masmc_ros.messages.layout import Layout, NANOSECONDS
+from masmc_ros.messages.cdr_layout import Layout, NANOSECONDS
 from masmc_ros.messages.message import Message, StampedMessage
 from masmc_ros.numerics.aliases import Array
 from masmc_ros.robot.declaration import BASE_FRAME, ODOM_FRAME

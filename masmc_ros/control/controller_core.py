@@ -484,7 +484,7 @@ class ControllerCore:
         if self.pacing.is_timed and self._computed is not None and self._halted != stamp:
             self._halted = stamp
             self._halt()
-            self._approach.begin()
+            self._approach.start()
         return self._take_more()
 
     def _unfolds(self, stamp: int, position: Array, velocity: Array) -> bool:
@@ -517,16 +517,16 @@ class ControllerCore:
             self._stop.hand_over()
             self._watch.restart()
             if starts_away or pacing.approaches(was_off=self._was_computed is False):
-                approach.begin()
+                approach.start()
             self._queue_record(ACTIVATED)
         elif self._computed is None:
             if starts_away or pacing.approaches(was_off=False):
-                approach.begin()
+                approach.start()
         elif not self._was_computed:
             self._stop.end()
             self._watch.restart()
             if pacing.is_timed:
-                approach.begin()
+                approach.start()
             self._queue_record(RESUMED)
         elif pacing.is_timed:
             self._skip_ticks(stamp, position, now)

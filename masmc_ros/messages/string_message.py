@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from masmc_ros.errors import InputError
-from masmc_ros.messages.layout import ENCAPSULATION
+from masmc_ros.messages.cdr_layout import ENCAPSULATION
 
 
 def string_message(text: str) -> bytes:

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from masmc_ros.log.read.reader import Run
-from masmc_ros.report.draw.robot import draw_robot
+from masmc_ros.report.draw.robot_drawing import draw_robot
 from masmc_ros.report.draw.style import (
     BLACK,
     BLUE,
