@@ -89,6 +89,7 @@ build/docs_assets: tools/docs_assets.sh
 	@tools/docs_assets.sh
 
 docs: $(DOCS)/.installed build/docs_assets
+	@rm -rf docs/api  # of an interrupted build
 	@$(DOCS)/bin/python -m sphinx --builder html --quiet --fail-on-warning --keep-going \
 		--doctree-dir build/doctrees docs build/docs
 	@echo 'build/docs/index.html'

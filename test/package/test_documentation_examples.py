@@ -187,6 +187,8 @@ class PageRun:
             case ['masmc', 'demo', *arguments] if '--robot' in arguments:
                 return None  # as long as a whole run of this robot
             case ['masmc' | 'ros2', 'param', *arguments]:
+                if not self._nodes:  # the page assumes running nodes
+                    self._start(['controller'])
                 arguments = ['param', *arguments, '--timeout', '60']
                 # A negative number after the options would be one.
                 if len(words) > 4 and words[-1].startswith('-'):
