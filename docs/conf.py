@@ -53,7 +53,8 @@ autoapi_root = 'api'
 autoapi_add_toctree_entry = False
 autoapi_options = ['members', 'show-module-summary']
 autoapi_member_order = 'groupwise'
-suppress_warnings = ['autoapi.python_import_resolution']
+# `ref.python`: classes of the same name, such as Settings of each law, are no link targets.
+suppress_warnings = ['autoapi.python_import_resolution', 'ref.python']
 
 copybutton_exclude = '.linenos, .gp, .go'
 
