@@ -10,7 +10,7 @@ waiting, and the caller supplies the time. Stamps are in ns, `now` is a steady t
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 import math
 from typing import Any
@@ -114,6 +114,8 @@ class ControllerCore:
         Irregular states and ticks.
     arrival
         Time at which the last state arrived, infinite before the first one.
+    missing_source
+        Function that returns the source without which states are not complete.
 
     """
 
@@ -145,6 +147,7 @@ class ControllerCore:
         )
         self.counts = Counts()
         self.arrival = math.inf
+        self.missing_source: Callable[[], str] = lambda: 'joint_states'
         # Start of the state timeout: the last arrival or activation.
         self._watched = math.inf
         self._approach, self._layer = approach, layer
@@ -240,6 +243,15 @@ class ControllerCore:
             self._recover_states()
         return self._respond(stamp, position, velocity, now)
 
+    def on_jump(self) -> Actions:
+        """Approach the reference from the pose to which a localisation moves the robot."""
+        if self.pacing.is_timed and self.supervisor.is_active:
+            self._approach.start()
+            self.controller.skip(0)
+        if self._throttle.is_due('jump', self._watched):
+            return (Line('info', 'the pose jumped; the controller approaches its reference'),)
+        return NOTHING
+
     def on_reference(self, window: ReferenceWindow, now: float) -> Actions:
         """
         Add a window of samples or a set-point.
@@ -275,7 +287,8 @@ class ControllerCore:
             return NOTHING
         self._missed = math.inf
         if self.supervisor.is_active:
-            self.supervisor.fail(STATES, f'no usable joint_states for {self._state_timeout:g} s')
+            source = self.missing_source()
+            self.supervisor.fail(STATES, f'no usable {source} for {self._state_timeout:g} s')
             self._publish_state()
         return self._lose_states(now)
 

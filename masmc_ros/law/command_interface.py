@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Type of the command: torques, or joint velocities for drives with a velocity loop."""
+"""Type of the command: torques, velocities for drives with a velocity loop, or both."""
 
 from __future__ import annotations
 
@@ -11,17 +11,21 @@ from typing import Any
 from masmc_ros.errors import InputError
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.params.text import yaml_text
+from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.mechanisms import NAME as MECHANISM
+import numpy as np
+from numpy.typing import NDArray
 
-COMMAND_INTERFACES = ('effort', 'velocity')
+COMMAND_INTERFACES = ('effort', 'velocity', 'hybrid')
 """Choices of `command_interface`; compiled code knows them by their position here."""
 
-EFFORT, VELOCITY = range(len(COMMAND_INTERFACES))
+EFFORT, VELOCITY, HYBRID = range(len(COMMAND_INTERFACES))
 
 COMMAND_INTERFACE = Parameter(
     'command_interface',
     'effort',
-    'effort: torques; velocity: joint velocities for drives with their own velocity loop',
+    'effort: torques; velocity: joint velocities for drives with their own velocity loop; hybrid: '
+    'velocities of the base and torques of the arm',
     choices=COMMAND_INTERFACES,
 )
 """Parameter of the controller and of the plant, with equal values."""
@@ -29,7 +33,7 @@ COMMAND_INTERFACE = Parameter(
 ENABLE_STAMPED_CMD_VEL = Parameter(
     'enable_stamped_cmd_vel',
     False,
-    'Type of cmd_vel with command_interface velocity: TwistStamped instead of Twist',
+    'Type of cmd_vel with command_interface velocity or hybrid: TwistStamped instead of Twist',
 )
 """Parameter of both; Nav2 nodes use the same name for their topic."""
 
@@ -39,11 +43,39 @@ def takes_rates(values: Mapping[str, Any]) -> bool:
     return bool(values[COMMAND_INTERFACE.name] == COMMAND_INTERFACES[VELOCITY])
 
 
+def is_hybrid(values: Mapping[str, Any]) -> bool:
+    """Return True if values select velocities of the base and torques of the arm."""
+    return bool(values[COMMAND_INTERFACE.name] == COMMAND_INTERFACES[HYBRID])
+
+
+def by_velocity(values: Mapping[str, Any], mechanism: Mechanism) -> NDArray[np.bool_]:
+    """
+    Return for each joint (joints) whether it follows a commanded velocity.
+
+    Raises InputError for a hybrid interface of a robot without a base.
+    """
+    base = len(mechanism.twist)
+    if is_hybrid(values) and not base:
+        raise InputError(
+            f'{COMMAND_INTERFACE.name} = hybrid: expected effort or velocity, because the robot '
+            'has no base'
+        )
+    return np.array(
+        [takes_rates(values) or (is_hybrid(values) and j < base)
+         for j in range(len(mechanism.joints))]
+    )
+
+
 def check_agreement(plant: Mapping[str, Any], controller: Mapping[str, Any]) -> None:
-    """Raise InputError if plant and controller values select different commands."""
+    """Raise InputError if plant and controller values select different commands or states."""
     for name in (MECHANISM, COMMAND_INTERFACE.name, ENABLE_STAMPED_CMD_VEL.name):
         if plant[name] != controller[name]:
             raise InputError(
                 f'controller.{name} = {yaml_text(controller[name])}: expected '
                 f'{yaml_text(plant[name])}, which plant.{name} is'
             )
+    if not plant['measures_velocity'] and controller['velocity_source'] == 'measured':
+        raise InputError(
+            'controller.velocity_source = measured: expected estimated, because '
+            'plant.measures_velocity is false'
+        )

@@ -22,6 +22,7 @@ class Settings:
     period: float
     takes_rates: int
     group: tuple[int, ...]
+    by_velocity: tuple[int, ...]
     k_s1: Axes
     k_s2: Axes
     sigma: Axes
@@ -41,6 +42,7 @@ class Settings:
     velocity_source: int
     estimator_bandwidth: float
     enable_stamped_cmd_vel: int
+    base_lag: float
 
 
 class Memory:

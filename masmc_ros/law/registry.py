@@ -29,7 +29,7 @@ from masmc_ros.law.feedback.pid import PID
 from masmc_ros.law.law import Law
 from masmc_ros.law.observing.momentum_observer import MOMENTUM_OBSERVER
 from masmc_ros.law.observing.time_delay import TIME_DELAY
-from masmc_ros.law.parts import adaptation, command_limits, model, velocity_estimator
+from masmc_ros.law.parts import adaptation, command_limits, model, moving_base, velocity_estimator
 from masmc_ros.law.plug_in import PlugInLaw
 from masmc_ros.law.rasmc import RASMC
 from masmc_ros.law.rates import RATES
@@ -168,6 +168,7 @@ def shared_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
             *mechanism.law_parameters,
             *command_limits.PARAMETERS,
             *velocity_estimator.PARAMETERS,
+            moving_base.BASE_LAG,
             COMMAND_INTERFACE,
             ENABLE_STAMPED_CMD_VEL,
         ),

@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from masmc_ros.law.fields import Settings
+from masmc_ros.law.parts import moving_base
 from masmc_ros.law.parts.surface import reference_acceleration, reference_velocity, sliding_surface
 from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import inlined
@@ -34,6 +35,7 @@ class Tick(NamedTuple):
     error_rate: Numbers  # task velocity minus the desired one; edot if e = x - x_d
     surface: Numbers  # s = edot + sigma e, reduced if v_r cannot be J^-1 xdot_r
     regressor: Any  # Y(q, v, v_r, a_r)
+    command: Numbers  # velocities of a base that follows them
     is_singular: bool  # True if J is close to singular, and v_r and a_r are damped
 
 
@@ -46,12 +48,13 @@ def tick_of(
     position_rates: Numbers,
     desired: tuple[Numbers, Numbers, Numbers],
     drift: Numbers,
+    commanded: Numbers,
 ) -> Tick:
     """
     Return the tick of a measured state with velocities v, and of x_d, xdot_d and xddot_d.
 
     (14) gives xdot_r and xddot_r. The mechanism determines v_r and a_r with J v_r = xdot_r, and
-    estimates the `drift`.
+    estimates the `drift`. A base that follows velocities was `commanded` those of the last tick.
     """
     model = mechanism.model_of(settings)
     sigma = settings.sigma
@@ -65,6 +68,7 @@ def tick_of(
         elementwise(reference_acceleration, follows.acceleration, follows.error_derivative, sigma),
     )
     a_r = mechanism.compensated(model, a_r, drift)
+    v_r, a_r, command = moving_base.carried(settings, posture, v, v_r, a_r, commanded)
     surface = elementwise(sliding_surface, follows.error, follows.velocity_error, sigma)
     return Tick(
         settings.period,
@@ -81,8 +85,9 @@ def tick_of(
         follows.error,
         follows.error_derivative,
         follows.velocity_error,
-        mechanism.reachable_surface(model, posture, v, v_r, surface),
+        moving_base.surface(settings, posture, v, v_r, surface),
         mechanism.regressor(model, posture, v, v_r, a_r),
+        command,
         is_singular,
     )
 

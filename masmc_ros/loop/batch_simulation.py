@@ -15,7 +15,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from masmc_ros.errors import InputError
-from masmc_ros.law.command_interface import check_agreement, takes_rates
+from masmc_ros.law.command_interface import check_agreement, is_hybrid, takes_rates
 from masmc_ros.law.law import Law
 from masmc_ros.law.rates import RATES
 from masmc_ros.law.registry import load_for
@@ -78,7 +78,9 @@ class BatchSimulation:
             raise InputError('duration = 0.0: expected a length > 0 s')
         self._trajectory = Trajectory(first['trajectory'], self.timing.period, robot)
         check(law, mechanism, control['switching'])
-        self._settings = records.law_settings(mechanism, law, control['switching'], lanes)
+        self._settings = records.law_settings(
+            mechanism, law, control['switching'], lanes, is_hybrid=is_hybrid(control)
+        )
         self._learned = records.law_memory(mechanism, law, lanes)
         self._plant = records.plant_settings(mechanism, lanes)
         self._state = records.plant_memory(mechanism, lanes)

@@ -16,7 +16,7 @@ settings, memory
 plant_settings, plant_memory
     Plant settings, and plant state carried from one tick to the next.
 delay_line
-    Ring buffer of delayed measurements, see `plant_model.measurement.measure`.
+    Ring buffers of delayed measurements and commands, see `plant_model.measurement.measure`.
 signals
     Signals of the current tick, see `loop.signals.SIGNALS`.
 """
@@ -143,7 +143,7 @@ def plant_tick(
         True if the new state is finite.
 
     """
-    advance(plant_settings[0], plant_memory[0], tick, signals[0], False)
+    advance(plant_settings[0], plant_memory[0], delay_line, tick, signals[0], False)
     observe(plant_settings[0], plant_memory[0], delay_line, tick + 1, signals[0])
     return is_finite(signals[0])
 
@@ -159,14 +159,20 @@ def plant_hold(
     reported `applied` torque is zero, because the holding torque is internal to the drives.
     Arguments and return value are those of `plant_tick`.
     """
-    advance(plant_settings[0], plant_memory[0], tick, signals[0], True)
+    advance(plant_settings[0], plant_memory[0], delay_line, tick, signals[0], True)
     observe(plant_settings[0], plant_memory[0], delay_line, tick + 1, signals[0])
     return is_finite(signals[0])
 
 
 @kernel
 def plant_drive(
-    plant_settings: Any, plant_memory: Any, tick: int, step: int, signals: Any, hold: bool
+    plant_settings: Any,
+    plant_memory: Any,
+    delay_line: Any,
+    tick: int,
+    step: int,
+    signals: Any,
+    hold: bool,
 ) -> None:
     """
     Compute drive and disturbance torques over one step of an externally integrated plant.
@@ -175,7 +181,7 @@ def plant_drive(
     `driven` and `disturbance` there. Step 0 of a tick takes over the command in `signals`, or
     none if `hold` is true.
     """
-    drive_step(plant_settings[0], plant_memory[0], tick, step, signals[0], hold)
+    drive_step(plant_settings[0], plant_memory[0], delay_line, tick, step, signals[0], hold)
 
 
 @kernel
@@ -303,7 +309,7 @@ def closed_loop(
             residual += _finite_residual(single.true_position)
         if final and k == n - 1:
             break
-        advance(plant_constants, plant_state, first + k, row, False)
+        advance(plant_constants, plant_state, delay_line, first + k, row, False)
         observe(plant_constants, plant_state, delay_line, first + k + 1, row)
     copy_to(plant_state, plant_memory[0])
     copy_to(control_state, memory[0])

@@ -9,7 +9,7 @@ from typing import Any
 
 from masmc_ros.law import law
 from masmc_ros.law.fields import Memory, Settings
-from masmc_ros.law.parts import velocity_estimator
+from masmc_ros.law.parts import moving_base, velocity_estimator
 from masmc_ros.law.parts.command_limits import within_limits
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.velocity_estimator import estimate_rates, ESTIMATED, note_disturbance
@@ -27,6 +27,7 @@ SETTINGS = (
     Field('nominal', 'parameters', 'theta of the nominal model'),
     Field('period', description='Control period T', unit='s'),
     Field('takes_rates', description='1 if joint velocities are commanded', kind='i8'),
+    *moving_base.SETTINGS,
     Field('group', 'joints', 'Number of the group of each joint: 0, 1, ...', kind='i8'),
 )
 """Settings of every law in addition to its declared parameters."""
@@ -53,7 +54,8 @@ def control(settings: Any, memory: Any, signals: Any) -> None:
         gains, state = lane_of(settings, lane), lane_of(memory, lane)
         if gains.velocity_source == ESTIMATED:
             position = lane_of(signals, lane).position
-            estimate_rates(gains, state, position, gains.takes_rates == 0)
+            knows = not ((gains.takes_rates != 0) | moving_base.moves_by_velocity(gains))
+            estimate_rates(gains, state, position, knows)
     for lane in range(lanes):
         _control(lane_of(settings, lane), lane_of(memory, lane), lane_of(signals, lane))
     for lane in range(estimators):
@@ -84,9 +86,11 @@ def _control(settings: Settings, memory: Memory, signals: Any) -> None:
         signals.velocity,
         thirds(signals.reference),
         memory.drift,
+        memory.velocity_command,
     )
     signals.estimate = memory.estimate
     raw = law.torque(settings, tick, memory)
+    raw = moving_base.commanded_torque(settings, memory, tick.command, raw)
     torque = within_limits(settings, raw, before)
     memory.commanded = torque
     law.learn(settings, tick, memory, raw, torque)
@@ -100,6 +104,7 @@ def _control(settings: Settings, memory: Memory, signals: Any) -> None:
         tick.surface,
         elementwise(minus, raw, torque),
     )
+    moving_base.restrict_drift(settings, memory, posture)
     signals.raw_torque = raw
     signals.torque = torque
     signals.rates = memory.velocity_command

@@ -10,7 +10,7 @@ from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.law import registry
-from masmc_ros.law.command_interface import takes_rates
+from masmc_ros.law.command_interface import by_velocity, is_hybrid, takes_rates
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts import velocity_estimator
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES
@@ -55,8 +55,10 @@ class Controller:
     used_estimate
         theta_hat (parameters) in the torque.
     velocity_command
-        Command (joints) with `command_interface` velocity: the base velocities, then the rates
-        of the joints that do not move the base.
+        Commanded velocities (joints) with `command_interface` velocity and hybrid: of the base,
+        then the rates of the joints that do not move it.
+    by_velocity
+        True for joints (joints) with a commanded velocity.
 
     """
 
@@ -85,6 +87,8 @@ class Controller:
         self.velocity_command = signals['rates'][:, 0]
         self.nominal = values['model_scale'] * robot.theta
         self.commands_rates = takes_rates(values)
+        self.is_hybrid = is_hybrid(values)
+        self.by_velocity = by_velocity(values, self.mechanism)
         self.values: dict[str, Any] = {}
         self._plug_in: PlugInLaw | None = None
         self._law: Law = registry.OF_RATES
@@ -109,6 +113,11 @@ class Controller:
         """
         commanded: Array = self.memory['commanded'][0, :, 0]
         return commanded
+
+    @property
+    def command(self) -> Array:
+        """Return the velocities and torques (joints) for `SimulatedRobot.advance`."""
+        return np.where(self.by_velocity, self.velocity_command, self.torque)
 
     @property
     def has_limits(self) -> bool:
@@ -256,11 +265,18 @@ class Controller:
         if self.commands_rates:
             law = registry.OF_RATES
         elif not isinstance(law, Law):
+            if self.is_hybrid:
+                raise InputError(
+                    f'law = {values["law"]}: it is plain Python, expected a compiled law with '
+                    'command_interface hybrid'
+                )
             plug_in = law()
             # Limits and estimator of a plain-Python law are those of a built-in law.
             law = registry.LAWS['smc']
         check(law, self.mechanism, values['switching'])
-        settings = records.law_settings(self.mechanism, law, values['switching'])
+        settings = records.law_settings(
+            self.mechanism, law, values['switching'], is_hybrid=self.is_hybrid
+        )
         records.write_law(settings, self.robot, self.period, values)
         read = records.read_by(settings, self.mechanism)
         memory = records.law_memory(self.mechanism, law)

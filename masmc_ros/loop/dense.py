@@ -56,8 +56,8 @@ def dense(settings: Any, row: Any) -> Any:
     posture = mechanism.posture(model, position)
     rates = tail(velocity, signals.torque)
     v = mechanism.motion(model, rates)
-    desired, drift = thirds(signals.reference), elementwise(zero, v)
-    tick = tick_of(gains, posture, v, position, velocity, desired, drift)
+    desired, nothing = thirds(signals.reference), elementwise(zero, v)
+    tick = tick_of(gains, posture, v, position, velocity, desired, nothing, nothing)
     h = mechanism.inertia(model, posture, tick.nominal)
     return (
         tick.error,

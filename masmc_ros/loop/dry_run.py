@@ -176,8 +176,9 @@ def _run(law: Law, mechanism: Mechanism, switching: str) -> None:
         rates, reference = row.velocity[-joints:], row.reference
         desired = reference[:axes], reference[axes:2 * axes], reference[2 * axes:]
         v = formulas.motion(model, rates)
-        drift = Lane(memory[0], 0).drift
-        tick = tick_of(plain, posture, v, row.position, row.velocity, desired, drift)
+        before = Lane(memory[0], 0)
+        carried = before.drift, before.velocity_command
+        tick = tick_of(plain, posture, v, row.position, row.velocity, desired, *carried)
         raw = law.torque(gains, tick, state)
         is_vector = isinstance(raw, tuple) or (isinstance(raw, np.ndarray) and raw.ndim == 1)
         if not is_vector or len(raw) != joints:

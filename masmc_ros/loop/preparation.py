@@ -27,7 +27,7 @@ from typing import Any, NamedTuple
 
 from masmc_ros.errors import UserError
 from masmc_ros.law import registry
-from masmc_ros.law.command_interface import COMMAND_INTERFACE, takes_rates
+from masmc_ros.law.command_interface import COMMAND_INTERFACE, is_hybrid, takes_rates
 from masmc_ros.law.law import Law
 from masmc_ros.law.rasmc import RASMC
 from masmc_ros.law.smc import SMC
@@ -94,11 +94,13 @@ class Code(NamedTuple):
             bound(kernel, *arguments)
 
 
-def code_of_law(mechanism: Mechanism, law: Law, switching: str) -> Code:
+def code_of_law(
+    mechanism: Mechanism, law: Law, switching: str, *, is_hybrid: bool = False
+) -> Code:
     """Return the code of a compiled law for a type of robot."""
     signals = records.signals(mechanism)
     memory = records.law_memory(mechanism, law)
-    settings = records.law_settings(mechanism, law, switching)
+    settings = records.law_settings(mechanism, law, switching, is_hybrid=is_hybrid)
     return Code(
         (law.name, switching if law.uses_switching else ''),
         (
@@ -130,7 +132,7 @@ def code_for(mechanism: Mechanism, values: Values) -> Code:
         return code_of_law(mechanism, registry.OF_RATES, values['switching'])
     law = registry.load_for(values['law'], mechanism)
     if isinstance(law, Law):
-        return code_of_law(mechanism, law, values['switching'])
+        return code_of_law(mechanism, law, values['switching'], is_hybrid=is_hybrid(values))
     return code_of_plain_law(mechanism, values['law'], values['switching'])
 
 

@@ -12,9 +12,10 @@ import math
 from pathlib import Path
 from typing import Any
 
-from masmc_ros.law.command_interface import takes_rates
+from masmc_ros.law.command_interface import by_velocity, takes_rates
 from masmc_ros.law.declared import declared_for
 from masmc_ros.law.law import Law
+from masmc_ros.law.parts.moving_base import BY_TORQUE, BY_VELOCITY
 from masmc_ros.law.registry import parameters, REACHING, shared_parameters
 from masmc_ros.loop import control
 from masmc_ros.loop.signals import SIGNALS
@@ -56,8 +57,14 @@ def field_name(parameter: str) -> str:
     return parameter.replace('.', '_')
 
 
-def law_settings(mechanism: Mechanism, law: Law, switching: str, lanes: int = 1) -> Records:
-    """Return the settings of a law, all zero: shared parameters and those of the law."""
+def law_settings(
+    mechanism: Mechanism, law: Law, switching: str, lanes: int = 1, *, is_hybrid: bool = False
+) -> Records:
+    """
+    Return the settings of a law, all zero: shared parameters and those of the law.
+
+    `is_hybrid`: the base follows velocities, and the arm torques.
+    """
     own = (*shared_parameters(mechanism), *law.parameters)
     declared = map(field_of, declared_for(mechanism, own))
     fields = (*control.SETTINGS, *(field for field in declared if field is not None))
@@ -65,6 +72,7 @@ def law_settings(mechanism: Mechanism, law: Law, switching: str, lanes: int = 1)
         'mechanism': mechanism.tag,
         'law': law_tag(law),
         'switching': switching if law.uses_switching else '',
+        'base': BY_VELOCITY if is_hybrid else BY_TORQUE,
     }
     return new_record(fields, mechanism.sizes, lanes, tags)
 
@@ -81,6 +89,7 @@ def write_law(
     fill(settings, 'nominal', values['model_scale'] * robot.theta, lane)
     fill(settings, 'period', period, lane)
     fill(settings, 'takes_rates', takes_rates(values), lane)
+    fill(settings, 'by_velocity', by_velocity(values, robot.mechanism), lane)
     fill(settings, 'group', robot.mechanism.group_of_joints, lane)
 
 

@@ -296,6 +296,8 @@ class SafeStop:
         ):
             self.release()
             return False
+        # A base that follows velocities comes to rest by its own drives.
+        controller.torque[controller.by_velocity] = 0.0
         controller.commanded[:] = controller.torque
         return True
 

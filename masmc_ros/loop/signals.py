@@ -46,6 +46,8 @@ SIGNALS = (
     Signal('true_position', 'positions', 'Positions as they are', 'm, rad', of_plant=True),
     Signal('true_velocity', 'positions', 'Velocities as they are', 'm/s, rad/s', of_plant=True),
     Signal('applied', 'joints', 'Torque over the interval that ended', 'N·m', of_plant=True),
+    Signal('age', description='Age of the measured state in control periods', unit='1', kind='i8',
+           of_plant=True),
     Signal('reference', 'desired', 'x_d, then xdot_d, then xddot_d of the task', 'm'),
     Signal('torque', 'joints', 'Torque commanded', 'N·m'),
     Signal('rates', 'joints', 'Velocities commanded in place of a torque', 'm/s, rad/s'),

@@ -6,16 +6,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from decimal import Decimal
 from importlib import import_module
 from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.law.command_interface import (
+    by_velocity,
     COMMAND_INTERFACE,
     ENABLE_STAMPED_CMD_VEL,
-    takes_rates,
+    is_hybrid,
 )
+from masmc_ros.law.parts.moving_base import BASE_LAG
 from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import plant_hold, plant_start, plant_tick
 from masmc_ros.loop.signals import OF_PLANT
@@ -24,7 +27,8 @@ from masmc_ros.numerics.compiled import bound
 from masmc_ros.numerics.record import fill
 from masmc_ros.optional import explained
 from masmc_ros.params.declaration import Parameter
-from masmc_ros.plant_model.drives import joint_inertias
+from masmc_ros.plant_model.drives import joint_inertias, lag_shares
+from masmc_ros.plant_model.stiction import bristle_gains
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.robot import Robot, robot_of
 import numpy as np
@@ -126,6 +130,7 @@ def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
         ),
         COMMAND_INTERFACE,
         ENABLE_STAMPED_CMD_VEL,
+        replace(BASE_LAG, read_only=True),
         of_joints(
             'velocity_loop.bandwidth',
             "Bandwidth of the drives' velocity loops, which follow commanded velocities, and hold "
@@ -158,7 +163,56 @@ def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
             minimum=0.0,
             maximum=1.0,
         ),
-        Parameter('seed', 0, 'Seed of the measurement noise', minimum=0, maximum=4294967295),
+        Parameter(
+            'command_delay',
+            0.0,
+            'Delay from a command to its effect, rounded to whole control periods',
+            unit='s',
+            minimum=0.0,
+            maximum=1.0,
+        ),
+        Parameter(
+            'delay_jitter',
+            0.0,
+            'Jitter of both delays as a part of them: they are uniform on 1 - jitter to '
+            '1 + jitter times their value, rounded to whole control periods',
+            minimum=0.0,
+            maximum=1.0,
+        ),
+        of_joints(
+            'motor_lag',
+            'Time constant of the first-order lag of the torque of each motor; 0: no lag',
+            's',
+            broadcast=True,
+            minimum=0.0,
+            maximum=1.0,
+        ),
+        of_joints(
+            'stiction.torque',
+            'Friction of each joint at standstill beyond its Coulomb friction; 0: no stiction',
+            'N·m',
+            broadcast=True,
+            minimum=0.0,
+        ),
+        of_joints(
+            'stiction.velocity',
+            'Velocity at which half of this friction remains',
+            'rad/s',
+            0.05,
+            broadcast=True,
+            minimum=0.0,
+            exclusive_minimum=True,
+        ),
+        Parameter(
+            'measures_velocity',
+            True,
+            'Velocities are measured; false: encoders only, for a controller with '
+            'velocity_source estimated',
+        ),
+        Parameter(
+            'seed', 0, 'Seed of the measurement noise and of the jitter',
+            minimum=0, maximum=4294967295,
+        ),
     )
 
 
@@ -182,6 +236,8 @@ class SimulatedRobot:
     applied
         Torque (joints) in N·m over the last interval: the command within the motor limits or,
         with commanded rates, the mean torque of the drives.
+    by_velocity
+        True for the entries (joints) of a command that are velocities.
 
     """
 
@@ -211,9 +267,12 @@ class SimulatedRobot:
         self.delayed = delay_line(self.settings, self.mechanism)
         self._values = values
         self.position, self.velocity, self.true_position, self.true_velocity, self.applied = (
-            self.signals[name][0, :, 0] for name in OF_PLANT
+            self.signals[name][0, :, 0] for name in OF_PLANT if name != 'age'
         )
-        self._command = self.signals['rates' if takes_rates(values) else 'torque'][0, :, 0]
+        self._torque_command, self._rate_command = (
+            self.signals[name][0, :, 0] for name in ('torque', 'rates')
+        )
+        self.by_velocity = by_velocity(values, self.mechanism)
         self._move: Callable[..., bool] | None = None
         self._hold: Callable[..., bool] | None = None
         self.tick = 0
@@ -235,20 +294,25 @@ class SimulatedRobot:
                 'expected finite numbers, and angles that have a sine'
             )
 
+    def _take(self, command: NDArray[np.float64]) -> None:
+        self._rate_command[:] = np.where(self.by_velocity, command, 0.0)
+        self._torque_command[:] = np.where(self.by_velocity, 0.0, command)
+
     def advance(self, command: NDArray[np.float64] | None) -> None:
         """
         Hold a command (joints) for one period; with None the drives hold the joints.
 
         The command consists of torques in N·m. With `command_interface` velocity it consists of
-        the base velocities and the rates of the joints that do not move the base. Raises
-        InputError if the new state is not finite.
+        the base velocities and the rates of the joints that do not move the base, with hybrid of
+        the base velocities and the torques of the other joints. Raises InputError if the new
+        state is not finite.
         """
         moved = self.settings, self.memory, self.delayed, self.tick, self.signals
         if command is None:
             self._hold = self._hold or bound(plant_hold, *moved)
             finite = self._hold(*moved)
         else:
-            self._command[:] = command
+            self._take(command)
             self._move = self._move or bound(plant_tick, *moved)
             finite = self._move(*moved)
         self.tick += 1
@@ -282,8 +346,12 @@ def write_plant(
     lane: int | None = None,
 ) -> None:
     """Write a robot, the control period in s and checked values of `parameters` into a record."""
-    delay = round(values['measurement_delay'] / period)
-    imperfect = (*values['encoder_resolution'], *values['velocity_noise'], delay)
+    delay, delay_span = _ticks_of_delay(values, 'measurement_delay', period)
+    command_delay, command_delay_span = _ticks_of_delay(values, 'command_delay', period)
+    lacks_velocity = not values['measures_velocity']
+    imperfect = (
+        *values['encoder_resolution'], *values['velocity_noise'], delay, lacks_velocity
+    )
     step = values['integrator_step']
     check_count(
         Decimal(period) / Decimal(step),
@@ -293,7 +361,8 @@ def write_plant(
         'steps in a control period',
     )
     steps = max(1, round(period / step))
-    with_rates = takes_rates(values)
+    follows = by_velocity(values, robot.mechanism)
+    with_rates = bool(follows.any())
     bandwidth = np.array(values['velocity_loop.bandwidth'])
     if not with_rates:
         # With commanded torques the robot determines the step; drives that hold use it too.
@@ -309,17 +378,44 @@ def write_plant(
         'period': period,
         'steps': steps,
         'takes_rates': with_rates,
+        'is_hybrid': is_hybrid(values),
+        'by_velocity': follows,
         'is_exact': not any(imperfect),
         'resolution': values['encoder_resolution'],
         'noise': values['velocity_noise'],
+        'lacks_velocity': lacks_velocity,
         'delay': delay,
+        'delay_span': delay_span,
+        'command_delay': command_delay,
+        'command_delay_span': command_delay_span,
         'seed': values['seed'],
         'bandwidth': bandwidth,
+        'has_losses': any((*values['motor_lag'], *values['stiction.torque'])),
+        'stiction': values['stiction.torque'],
+        'stiction_velocity': values['stiction.velocity'],
     }.items():
         fill(settings, name, value, lane)
     # Without a lane, all lanes have the same values.
     inertias = joint_inertias(settings, np.array(values['initial_joints']), lane or 0)
     fill(settings, 'inertia', inertias, lane)
+    step = period / steps
+    base_decay = np.zeros(len(follows))
+    base_decay[:len(robot.mechanism.twist)] = lag_shares(values['base_lag'], period, 2.0 * step)[0]
+    fill(settings, 'base_decay', base_decay, lane)
+    shares = np.array([lag_shares(lag, period, step) for lag in values['motor_lag']])
+    fill(settings, 'lag_decay', shares[:, 0], lane)
+    fill(settings, 'lag_mean', shares[:, 1], lane)
+    of_stiction = values['stiction.torque'], values['stiction.velocity'], inertias
+    gains = np.array([bristle_gains(*joint, step) for joint in zip(*of_stiction, strict=True)])
+    fill(settings, 'bristle_stiffness', gains[:, 0], lane)
+    fill(settings, 'bristle_damping', gains[:, 1], lane)
+
+
+def _ticks_of_delay(values: Mapping[str, Any], name: str, period: float) -> tuple[int, int]:
+    """Return the largest delay of a parameter in ticks, and by how many it can be shorter."""
+    delay, jitter = values[name] / period, values['delay_jitter']
+    largest = round(delay * (1.0 + jitter))
+    return largest, largest - round(delay * (1.0 - jitter))
 
 
 def write_start(
@@ -330,14 +426,19 @@ def write_start(
     still = np.zeros(len(values['initial_velocity']))
     fill(memory, 'position', position, lane)
     fill(memory, 'rates', values['initial_velocity'], lane)
-    fill(memory, 'drive_integral', still, lane)
-    fill(memory, 'driven', still, lane)
+    for name in (
+        *('drive_integral', 'driven', 'target', 'motor'),
+        *('deflection', 'stiction', 'followed_rates'),
+    ):
+        fill(memory, name, still, lane)
+    fill(memory, 'acting', 0, lane)
 
 
 def delay_line(settings: records.Records, mechanism: Mechanism) -> NDArray[np.float64]:
-    """Return a buffer for delayed measurements: (delay + 1, positions and rates, lanes)."""
-    lanes = settings['delay'].shape[-1]
-    return np.zeros((int(settings['delay'].max()) + 1, 2 * mechanism.sizes['positions'], lanes))
+    """Return a buffer for delayed values: (delay + 1, measurements and commands, lanes)."""
+    longest = max(int(settings[name].max()) for name in ('delay', 'command_delay'))
+    width = 2 * mechanism.sizes['positions'] + 2 * mechanism.sizes['joints']
+    return np.zeros((longest + 1, width, settings['delay'].shape[-1]))
 
 
 def diverged(time: float) -> InputError:

@@ -220,5 +220,6 @@ class Simulation:
             contact[k] = plant.contact
             if not (final and k == len(signals) - 1):
                 is_commanded = is_active or self._stop.commands
-                plant.advance(row['torque'][:, 0] if is_commanded else None)
+                command = np.where(plant.by_velocity, row['rates'][:, 0], row['torque'][:, 0])
+                plant.advance(command if is_commanded else None)
         return False

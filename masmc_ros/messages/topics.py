@@ -109,15 +109,16 @@ TOPICS = (
         COMMAND_TOPIC,
         FLOAT_ARRAY,
         'controller → plant',
-        'four torques in N·m; the label `effort@SEC.NANOSEC` has the stamp of the answered state; '
-        '`data_offset` 4 marks a void command',
+        'four torques in N·m, with `command_interface` hybrid those of the arm; the label '
+        '`effort@SEC.NANOSEC` has the stamp of the answered state; a `data_offset` of their '
+        'number marks a void command',
     ),
     Topic(
         CMD_VEL_TOPIC,
         TWIST,
         'controller → plant',
-        'with `command_interface` velocity: forward speed in m/s and yaw rate in rad/s; a '
-        'TwistStamped in `base_link` with `enable_stamped_cmd_vel`',
+        'with `command_interface` velocity or hybrid: forward speed in m/s and yaw rate in rad/s; '
+        'a TwistStamped in `base_link` with `enable_stamped_cmd_vel`',
         turns_up=True,
     ),
     Topic(

@@ -10,8 +10,10 @@ therefore needs only the latest message up to that time.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cache
 
+from masmc_ros.errors import InputError
 from masmc_ros.messages.cdr_layout import ENCAPSULATION, Layout, Messages, NANOSECONDS, STAMP
 from masmc_ros.messages.message import Message
 from masmc_ros.robot.mechanisms import DEFAULT
@@ -99,6 +101,28 @@ def first_frames(raw: bytes) -> tuple[str, str]:
     parent, end = _string(raw, len(ENCAPSULATION) + _COUNT + STAMP.size)
     child, _ = _string(raw, end)
     return parent, child
+
+
+def transforms_of(raw: bytes) -> Iterator[tuple[str, str, NDArray[np.float64]]]:
+    """
+    Yield parent, child and numbers (TRANSFORM) of the transforms of a TFMessage of any sender.
+
+    Raises InputError for bytes that are not a little-endian TFMessage.
+    """
+    start = len(ENCAPSULATION)
+    if raw[:start] != ENCAPSULATION:
+        raise InputError('tf: no little-endian TFMessage')
+    end = start + _COUNT
+    for _ in range(int.from_bytes(raw[start:end], 'little')):
+        end += (start - end) % _COUNT
+        parent, end = _string(raw, end + STAMP.size)
+        child, end = _string(raw, end)
+        end += (start - end) % 8
+        numbers = raw[end:end + 8 * TRANSFORM]
+        if len(numbers) < 8 * TRANSFORM:
+            raise InputError(f'tf: a message of {len(raw)} bytes ends within a transform')
+        end += 8 * TRANSFORM
+        yield parent, child, np.frombuffer(numbers, '<f8')
 
 
 def first_names(frame_prefix: str, frames: Frames = DEFAULT.frames) -> tuple[bytes, int]:

@@ -19,6 +19,8 @@ _WEYL = 0x9E3779B9
 _ROUNDS = 10
 _HALF = 0xFFFF
 
+_FIRST_UNIFORM = 0x80000000
+_PER_WORD = 1.0 / 4294967296.0
 _WORDS = 3
 # Twelve numbers uniform on 0 ... 65535 have this mean and this standard deviation in sum.
 _MEAN = 393210.0
@@ -33,6 +35,17 @@ def philox(low: int, high: int, key: int) -> tuple[int, int]:
         low, high = (((product >> 32) & _LOW) ^ key ^ high) & _LOW, product & _LOW
         key = (key + _WEYL) & _LOW
     return low, high
+
+
+@formula
+def uniform(seed: int, tick: int, stream: int) -> float:
+    """
+    Return a number in [0, 1) of a seed, a tick and a stream.
+
+    Its words of the counter follow those of `gaussian` for the largest number of axes.
+    """
+    low, _ = philox(tick & _LOW, _FIRST_UNIFORM + stream, seed & _LOW)
+    return low * _PER_WORD
 
 
 @formula

@@ -30,3 +30,9 @@ def zero(value: float) -> float:
 def moved(value: float, rate: float, period: float) -> float:
     """Return a value after a step of explicit Euler at a rate."""
     return value + period * rate
+
+
+@formula
+def selected(mask: int, yes: float, no: float) -> float:
+    """Return one of two numbers by a mask of 1 and 0."""
+    return yes if mask != 0 else no

@@ -136,6 +136,11 @@ def _controller_node(mechanism: Mechanism) -> tuple[Parameter, ...]:
             choices=('joint_states', 'odom') if mechanism.is_planar else ('joint_states',),
         ),
         Parameter(
+            'pose_frame', '',
+            'Frame of the path with pose_source odom, such as map: a localisation sends its '
+            'transform to the frame of odom on /tf; empty: the frame of odom',
+        ),
+        Parameter(
             'state_timeout', 0.1,
             'Time without a usable state after which the controller raises a fault, in real time; '
             'at least five control periods',

@@ -85,12 +85,14 @@ class ContactRobot(SimulatedRobot):
     def advance(self, command: NDArray[np.float64] | None) -> None:
         """Hold a command (joints) for one period, like `SimulatedRobot`."""
         holds = command is None
-        if not holds:
-            self._command[:] = command
+        if command is not None:
+            self._take(command)
         data, memory, model = self._data, self.memory[0], self._model
         parts, forces = self._parts, self._parts.forces
         for step in range(self._steps):
-            moved = self.settings, self.memory, self.tick, step, self.signals, holds
+            moved = (
+                self.settings, self.memory, self.delayed, self.tick, step, self.signals, holds
+            )
             self._drive = self._drive or bound(plant_drive, *moved)
             memory['rates'][:, 0] = self._rates()
             self._drive(*moved)

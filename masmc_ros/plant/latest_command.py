@@ -22,6 +22,8 @@ class CommandPart:
         Topic, relative to the robot.
     names_state
         True if its messages name the state to which they respond.
+    is_required
+        True if without it there is no command at all; otherwise its numbers are then zero.
     is_here
         True if a message is available; it may be void.
     numbers
@@ -33,9 +35,11 @@ class CommandPart:
 
     """
 
-    def __init__(self, topic: str, width: int, *, names_state: bool = True) -> None:
+    def __init__(
+        self, topic: str, width: int, *, names_state: bool = True, is_required: bool = False
+    ) -> None:
         """Initialise a part of `width` numbers without a command."""
-        self.topic, self.names_state = topic, names_state
+        self.topic, self.names_state, self.is_required = topic, names_state, is_required
         self.is_here = False
         self.numbers: Array | None = None
         self.time = -math.inf
@@ -79,9 +83,11 @@ class Commands:
         return command
 
     def held(self) -> Array | None:
-        """Return the command, None without one; a missing part of several is zero."""
+        """Return the command, None without one; a missing part that is not required is zero."""
         if len(self.parts) == 1:
             return self.parts[0].numbers
+        if any(part.is_required and part.numbers is None for part in self.parts):
+            return None
         return np.concatenate([part.held() for part in self.parts])
 
     def answer(self, stamp: int) -> bool:

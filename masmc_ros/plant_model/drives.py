@@ -22,6 +22,7 @@ from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.numerics.limits import clipped
+from masmc_ros.numerics.portable_math import exp
 from masmc_ros.numerics.tuples import unit
 from masmc_ros.robot import mechanism
 import numpy as np
@@ -68,3 +69,34 @@ def drive(
     step = h * bandwidth * bandwidth * inertia_felt * rate_error
     winds_up = (asked > torque and step > 0.0) or (asked < torque and step < 0.0)
     return torque, integral if winds_up else integral + step
+
+
+def lag_shares(lag: float, period: float, step: float) -> tuple[float, float]:
+    """
+    Return the shares of a past torque in that of a motor with a first-order lag.
+
+    Parameters
+    ----------
+    lag
+        Time constant in s; 0: no lag.
+    period, step
+        Control period and integration step in s.
+
+    Returns
+    -------
+    decay
+        exp(-step / (2 lag)), after half a step.
+    mean
+        Mean of exp(-t / lag) over a period.
+
+    """
+    if lag == 0.0:
+        return 0.0, 0.0
+    return exp(-0.5 * step / lag), lag / period * (1.0 - exp(-period / lag))
+
+
+@formula
+def lagging(target: float, motor: float, decay: float, halves: int) -> float:
+    """Return a motor's torque after 0, 1 or 2 half steps towards the target."""
+    share = 1.0 if halves == 0 else (decay if halves == 1 else decay * decay)
+    return target + share * (motor - target) if decay > 0.0 else target

@@ -6,7 +6,8 @@ Measurement of the plant's state: encoders, odometry, noisy rates and delay.
 
 The encoders quantise the joint angles. The measured base pose is odometry from the quantised
 angles, and exact without quantisation. Rates have noise; those of the base are computed from the
-joint rates, so all measurements are consistent. Finally all values are delayed by whole ticks.
+joint rates, so all measurements are consistent. Without measured velocities they are zero. Finally
+all values are delayed by whole ticks.
 """
 
 from __future__ import annotations
@@ -17,8 +18,9 @@ from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.arrays import read_part, write_part
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.portable_random import gaussian
-from masmc_ros.numerics.scalars import minus
+from masmc_ros.numerics.scalars import minus, zero
 from masmc_ros.numerics.tuples import elementwise, from_index, head, joined, tail
+from masmc_ros.plant_model.delays import newest, OF_MEASUREMENT
 from masmc_ros.robot import mechanism
 
 # Adding and subtracting 1.5 * 2**52 rounds a double below 2**51 to the nearest integer.
@@ -65,7 +67,9 @@ def measured(plant: Any, memory: Any, tick: int) -> tuple[Numbers, Numbers]:
     rates = elementwise(_noisy, rates, plant.noise, noise)
     seen = joined(pose, angles)
     posture = mechanism.posture(model, seen)
-    return seen, mechanism.position_rates(model, posture, rates)
+    velocity = mechanism.position_rates(model, posture, rates)
+    is_blind = plant.lacks_velocity != 0
+    return seen, elementwise(zero, velocity) if is_blind else velocity
 
 
 @formula
@@ -73,8 +77,8 @@ def measure(plant: Any, memory: Any, delayed: Any, tick: int, signals: Any) -> N
     """
     Write the measurement of the true state in `memory` at a tick into `signals`.
 
-    `delayed` (maximum delay + 1, positions and velocities) contains the latest measurements, that
-    of tick k in row k mod (delay + 1).
+    `delayed` (maximum delay + 1, positions, velocities and commands) contains the latest
+    measurements, that of tick k in row k mod (delay + 1).
     """
     position, velocity = measured(plant, memory, tick)
     delay = plant.delay
@@ -83,6 +87,9 @@ def measure(plant: Any, memory: Any, delayed: Any, tick: int, signals: Any) -> N
     write_part(delayed, tick % rows, 0, position)
     write_part(delayed, tick % rows, n, velocity)
     # The first measurement is used until the delay has passed.
-    row = (tick - delay) % rows if tick > delay else 0
-    signals.position = read_part(delayed, row, 0, position)
-    signals.velocity = read_part(delayed, row, n, velocity)
+    last = 0 if tick == 0 else memory.shown
+    shown = newest(plant.seed, tick, OF_MEASUREMENT, delay, plant.delay_span, last)
+    memory.shown = shown
+    signals.age = tick - shown
+    signals.position = read_part(delayed, shown % rows, 0, position)
+    signals.velocity = read_part(delayed, shown % rows, n, velocity)

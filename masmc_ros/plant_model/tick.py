@@ -7,14 +7,16 @@ from __future__ import annotations
 
 from typing import Any
 
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula, inlined
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.numerics.limits import limited
 from masmc_ros.numerics.record import lane_count
-from masmc_ros.numerics.scalars import minus, zero
+from masmc_ros.numerics.scalars import minus, plus, selected, zero
 from masmc_ros.numerics.scratch import scratch
 from masmc_ros.numerics.tuples import column, elementwise
+from masmc_ros.plant_model.delays import receive
 from masmc_ros.plant_model.disturbance import (
     moment,
     push_by_waves,
@@ -23,9 +25,10 @@ from masmc_ros.plant_model.disturbance import (
     write_push,
     write_waves,
 )
-from masmc_ros.plant_model.drives import drive
+from masmc_ros.plant_model.drives import drive, lagging
 from masmc_ros.plant_model.measurement import measure
 from masmc_ros.plant_model.motion import runge_kutta_stage
+from masmc_ros.plant_model.stiction import stuck
 from masmc_ros.robot import mechanism
 
 SETTINGS = (
@@ -39,13 +42,27 @@ SETTINGS = (
     Field('period', description='Control period, that of all lanes', unit='s'),
     Field('steps', description='Integration steps in a period, in all lanes', kind='i8'),
     Field('takes_rates', description='Whether rates are commanded, in all lanes', kind='i8'),
+    Field('is_hybrid', description='Whether only those of the base are, in all lanes', kind='i8'),
+    Field('by_velocity', 'joints', 'Whether a joint follows a commanded velocity', kind='i8'),
+    Field('base_decay', 'joints', 'Share of a past base velocity that remains after a step'),
     Field('is_exact', description='Whether the state is measured as it is', kind='i8'),
     Field('resolution', 'joints', 'Step of the encoders; 0 is exact', 'rad'),
     Field('noise', 'joints', 'Standard deviation of the measured rates', 'rad/s'),
-    Field('delay', description='Delay of the measurement in ticks', kind='i8'),
-    Field('seed', description='Which noise it is', kind='i8'),
+    Field('lacks_velocity', description='Whether velocities are not measured', kind='i8'),
+    Field('delay', description='Largest delay of the measurement in ticks', kind='i8'),
+    Field('delay_span', description='By how many ticks it can be shorter', kind='i8'),
+    Field('command_delay', description='Largest delay of commands in ticks', kind='i8'),
+    Field('command_delay_span', description='By how many ticks it can be shorter', kind='i8'),
+    Field('seed', description='Seed of noise and jitter', kind='i8'),
     Field('bandwidth', 'joints', "Of the drives' velocity loops", 'rad/s'),
     Field('inertia', 'joints', 'For which they are tuned', 'kg·m²'),
+    Field('has_losses', description='Whether motors lag or joints stick', kind='i8'),
+    Field('lag_decay', 'joints', "Share of a motor's torque that remains after half a step"),
+    Field('lag_mean', 'joints', 'Mean of this share over a period'),
+    Field('stiction', 'joints', 'Level of stiction; 0: no stiction', 'N·m'),
+    Field('stiction_velocity', 'joints', 'Velocity with half of it', 'rad/s'),
+    Field('bristle_stiffness', 'joints', 'sigma_0 of stiction', 'N·m/rad'),
+    Field('bristle_damping', 'joints', 'sigma_1 of stiction', 'N·m·s/rad'),
 )
 """Settings of the plant: robot, disturbances and measurement."""
 
@@ -58,7 +75,16 @@ MEMORY = (
     Field('slopes', 'positions', 'Sum of the derivatives of the positions so far'),
     Field('accelerations', 'joints', 'Sum of those of the rates', 'rad/s²'),
     Field('disturbance', 'joints', 'Disturbance torque at the time reached', 'N·m'),
-    Field('driven', 'joints', 'Torque of the drives in the last interval', 'N·m'),
+    Field('torque', 'joints', 'Commanded torque that has arrived', 'N·m'),
+    Field('commanded_rates', 'joints', 'Commanded velocities that have arrived', 'm/s, rad/s'),
+    Field('followed_rates', 'joints', 'Velocities that the drives follow', 'm/s, rad/s'),
+    Field('acting', description='Tick of the command that has arrived', kind='i8'),
+    Field('shown', description='Tick of the measurement that has arrived', kind='i8'),
+    Field('target', 'joints', 'Torque that the motors follow', 'N·m'),
+    Field('motor', 'joints', 'Torque of lagging motors', 'N·m'),
+    Field('deflection', 'joints', 'Deflection of the bristles of stiction', 'rad'),
+    Field('stiction', 'joints', 'Torque of stiction', 'N·m'),
+    Field('driven', 'joints', 'Torque of drives and stiction', 'N·m'),
     Field('drive_integral', 'joints', "Integrals of the drives' velocity loops", 'N·m'),
     Field('odometry', 'base', "The base's pose by counting", 'm, rad'),
     Field('counted', 'joints', 'Angles counted so far', 'rad'),
@@ -72,25 +98,62 @@ def _share(total: float, value: float, steps: float) -> float:
 
 
 @formula
-def _hold_rates(plant: Any, memory: Any, signals: Any, h: float, steps: int) -> None:
+def _hold_rates(plant: Any, memory: Any, signals: Any, h: float, steps: int, holds: bool) -> None:
     """Advance the drives, which follow the commanded rates, by one step of h seconds."""
     model = mechanism.model_of(plant)
-    commanded = mechanism.commanded_joint_rates(model, signals.rates)
+    followed = elementwise(
+        lagging,
+        memory.commanded_rates,
+        memory.followed_rates,
+        plant.base_decay,
+        1,
+    )
+    memory.followed_rates = followed
+    commanded = mechanism.commanded_joint_rates(model, followed)
     missing = elementwise(minus, commanded, memory.rates)
-    integral, inertia = memory.drive_integral, plant.inertia
-    driven = elementwise(drive, missing, integral, inertia, plant.bandwidth, plant.limit, h)
-    memory.driven = column(driven, 0)
-    memory.drive_integral = column(driven, 1)
-    signals.applied = elementwise(_share, signals.applied, memory.driven, steps)
+    driven = elementwise(
+        drive,
+        missing,
+        memory.drive_integral,
+        plant.inertia,
+        plant.bandwidth,
+        plant.limit,
+        h,
+    )
+    torque, integral = column(driven, 0), column(driven, 1)
+    acting = elementwise(lagging, torque, memory.motor, plant.lag_decay, 1)
+    applied = elementwise(_share, signals.applied, acting, steps)
+    if (plant.is_hybrid != 0) & (not holds):
+        mask = plant.by_velocity
+        torque = elementwise(selected, mask, torque, memory.target)
+        integral = elementwise(selected, mask, integral, elementwise(zero, integral))
+        applied = elementwise(selected, mask, applied, signals.applied)
+    memory.target = torque
+    memory.driven = torque
+    memory.drive_integral = integral
+    signals.applied = applied
+
+
+@formula
+def _limited_command(plant: Any, memory: Any) -> Numbers:
+    """Return the torque that has arrived, within the limits of the motors."""
+    return elementwise(
+        limited,
+        memory.torque,
+        memory.target,
+        plant.limit,
+        plant.rate_limit,
+        plant.period,
+    )
 
 
 @formula
 def take_command(plant: Any, memory: Any, signals: Any, holds: bool) -> None:
     """
-    Use the command in `signals` for one period, none if `holds`.
+    Use the command that has arrived for one period, none if `holds`.
 
-    Writes `driven` and `applied`: torques within the motor limits. With commanded rates, the
-    drives update both at every step.
+    Writes `target`, `driven` and `applied`: torques within the motor limits. With commanded rates,
+    the drives update them at every step.
     """
     lanes = lane_count(plant)
     # Conditions equal in all lanes are outside of the loops, which otherwise do not vectorise.
@@ -101,62 +164,152 @@ def take_command(plant: Any, memory: Any, signals: Any, holds: bool) -> None:
             row.applied = elementwise(zero, row.torque)
             if holds:
                 row.rates = elementwise(zero, row.torque)
+        if (first.is_hybrid != 0) & (not holds):
+            for lane in range(lanes):
+                robot, state = lane_of(plant, lane), lane_of(memory, lane)
+                held = _limited_command(robot, state)
+                nothing = elementwise(zero, held)
+                lane_of(signals, lane).applied = elementwise(
+                    selected, robot.by_velocity, nothing, held
+                )
+                state.target = elementwise(selected, robot.by_velocity, state.target, held)
     else:
-        period = first.period
         for lane in range(lanes):
-            robot, state, row = lane_of(plant, lane), lane_of(memory, lane), lane_of(signals, lane)
-            held = elementwise(
-                limited, row.torque, state.driven, robot.limit, robot.rate_limit, period
-            )
-            row.applied = held
+            state = lane_of(memory, lane)
+            held = _limited_command(lane_of(plant, lane), state)
+            lane_of(signals, lane).applied = held
+            state.target = held
             state.driven = held
             state.drive_integral = elementwise(zero, held)
 
 
 @formula
+def _commands_torques(plant: Any, holds: bool) -> bool:
+    """Return True if at least some joints are driven by commanded torques."""
+    first = lane_of(plant, 0)
+    return (not holds) & ((first.takes_rates == 0) | (first.is_hybrid != 0))
+
+
+@formula
 def release(plant: Any, memory: Any, signals: Any, holds: bool) -> None:
     """Clear the torque of drives that held without a command, if torques are commanded."""
-    if holds & (lane_of(plant, 0).takes_rates == 0):
+    if holds & _commands_torques(plant, False):
         for lane in range(lane_count(plant)):
-            row = lane_of(signals, lane)
+            row, state = lane_of(signals, lane), lane_of(memory, lane)
             row.applied = elementwise(zero, row.torque)
-            lane_of(memory, lane).driven = row.applied
+            state.target = row.applied
+            state.driven = row.applied
+
+
+@formula
+def has_losses(plant: Any) -> bool:
+    """Return True if motors lag or joints stick in any lane."""
+    lanes = 0
+    for lane in range(lane_count(plant)):
+        lanes += lane_of(plant, lane).has_losses
+    return lanes > 0
+
+
+@formula
+def _mean(target: float, motor: float, share: float) -> float:
+    """Return the mean torque of a lagging motor over a period."""
+    return target + share * (motor - target)
+
+
+@formula
+def _report_mean(plant: Any, memory: Any, signals: Any) -> None:
+    """Write the mean torque of lagging motors under a commanded torque as `applied`."""
+    applied = elementwise(_mean, memory.target, memory.motor, plant.lag_mean)
+    # Drives that follow velocities add theirs at every step.
+    mask = plant.by_velocity
+    signals.applied = elementwise(selected, mask, elementwise(zero, applied), applied)
+
+
+@formula
+def _stick(plant: Any, memory: Any, h: float) -> None:
+    """Write the torque of stiction over a step of h seconds."""
+    bristles = elementwise(
+        stuck,
+        memory.deflection,
+        memory.rates,
+        plant.stiction,
+        plant.stiction_velocity,
+        plant.bristle_stiffness,
+        plant.bristle_damping,
+        h,
+    )
+    memory.deflection = column(bristles, 0)
+    memory.stiction = column(bristles, 1)
+
+
+@formula
+def _lag(plant: Any, memory: Any, halves: int) -> None:
+    """Write `driven` after 0, 1 or 2 half steps; the last ends the step of the motors."""
+    motor = elementwise(lagging, memory.target, memory.motor, plant.lag_decay, halves)
+    if halves == 2:
+        memory.motor = motor
+    memory.driven = elementwise(plus, motor, memory.stiction)
 
 
 @formula
 def drive_step(
-    plant: Any, memory: Any, tick: int, step: int, signals: Any, holds: bool
+    plant: Any,
+    memory: Any,
+    delay_line: Any,
+    tick: int,
+    step: int,
+    signals: Any,
+    holds: bool,
 ) -> None:
     """Write the joint forces over one step of an external integrator: `driven`, `disturbance`."""
     first = lane_of(plant, 0)
     steps, period = first.steps, first.period
     h = period / steps
+    lanes, loses = lane_count(plant), has_losses(plant)
+    takes_rates = (first.takes_rates != 0) | holds
     if step == 0:
+        receive(plant, memory, delay_line, tick, signals, holds)
         take_command(plant, memory, signals, holds)
-    for lane in range(lane_count(plant)):
-        if (first.takes_rates != 0) | holds:
-            robot, state, row = lane_of(plant, lane), lane_of(memory, lane), lane_of(signals, lane)
-            _hold_rates(robot, state, row, h, steps)
+    for lane in range(lanes):
+        robot, state, row = lane_of(plant, lane), lane_of(memory, lane), lane_of(signals, lane)
+        if loses & (step == 0) & _commands_torques(plant, holds):
+            _report_mean(robot, state, row)
+        if takes_rates:
+            _hold_rates(robot, state, row, h, steps, holds)
+        if loses:
+            _stick(robot, state, h)
+            _lag(robot, state, 1)
+            middle = state.driven
+            _lag(robot, state, 2)
+            state.driven = middle
     write_push(plant, memory, moment(tick * period, step, 1, h))
 
 
 @inlined
-def advance(plant: Any, memory: Any, tick: int, signals: Any, holds: bool) -> None:
+def advance(
+    plant: Any, memory: Any, delay_line: Any, tick: int, signals: Any, holds: bool
+) -> None:
     """
     Advance the true state by one period with the command in `signals`; none if `holds`.
 
-    Writes the torque that it comes to as `applied`: within the motors' limits the command
-    itself, or the mean torque of drives that follow velocities. Without a command, the
+    Writes the torque of the motors as `applied`: within their limits the command itself, or the
+    mean torque of motors that lag and of drives that follow velocities. Without a command, the
     drives hold the joints at zero velocity; the applied torque is then zero.
     """
     lanes, first = lane_count(plant), lane_of(plant, 0)
     steps, period = first.steps, first.period
     takes_rates = (first.takes_rates != 0) | holds
+    loses = has_losses(plant)
     time = tick * period
     h = period / steps
     waves = scratch(waves_of_step(plant))
     shares = shares_waves(plant)
+    receive(plant, memory, delay_line, tick, signals, holds)
     take_command(plant, memory, signals, holds)
+    if loses & _commands_torques(plant, holds):
+        for lane in range(lanes):
+            robot, state = lane_of(plant, lane), lane_of(memory, lane)
+            _report_mean(robot, state, lane_of(signals, lane))
     for lane in range(lanes):
         state = lane_of(memory, lane)
         state.reached = state.position
@@ -165,7 +318,12 @@ def advance(plant: Any, memory: Any, tick: int, signals: Any, holds: bool) -> No
         if takes_rates:
             for lane in range(lanes):
                 robot, state = lane_of(plant, lane), lane_of(memory, lane)
-                _hold_rates(robot, state, lane_of(signals, lane), h, steps)
+                _hold_rates(robot, state, lane_of(signals, lane), h, steps, holds)
+        if loses:
+            for lane in range(lanes):
+                robot, state = lane_of(plant, lane), lane_of(memory, lane)
+                _stick(robot, state, h)
+                _lag(robot, state, 0)
         if shares:
             write_waves(plant, time, step, h, waves)
         for stage in range(4):
@@ -176,6 +334,9 @@ def advance(plant: Any, memory: Any, tick: int, signals: Any, holds: bool) -> No
                     push_by_waves(plant, memory, halves, waves)
                 else:
                     write_push(plant, memory, moment(time, step, halves, h))
+            if loses & ((stage == 1) | (stage == 3)):
+                for lane in range(lanes):
+                    _lag(lane_of(plant, lane), lane_of(memory, lane), (stage + 1) // 2)
             for lane in range(lanes):
                 runge_kutta_stage(lane_of(plant, lane), lane_of(memory, lane), stage, h)
         for lane in range(lanes):

@@ -1,13 +1,20 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Platform pose from odometry, for joint states without base joints."""
+"""Base pose from odometry, for joint states without base joints."""
 
 from __future__ import annotations
 
+from bisect import bisect_left
 import math
+from typing import Any
 
 from masmc_ros.errors import InputError
+from masmc_ros.numerics.arrays import to_vector
+from masmc_ros.numerics.compiled import kernel
+from masmc_ros.numerics.lanes import lane_of
+from masmc_ros.robot import mechanism
+from masmc_ros.robot.robot import Robot
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,26 +24,102 @@ OLDEST_POSE_NS = 100_000_000
 _FLAT = 1e-3
 """Largest tilt, as the sine of half its angle, and largest error of a quaternion's length."""
 
+_JUMP = 0.01
+"""Distance in m and angle in rad by which a pose jumps; smaller steps belong to its noise."""
+
+Pose = tuple[float, float, float]
+"""x and y in m, and yaw in rad."""
+
+
+@kernel
+def _reckon(body: Any, turned: Any, pose: Any) -> None:
+    """Move a pose (3) by a rotation of the joints (joints)."""
+    robot = lane_of(body[0], 0)
+    model = mechanism.model_of(robot)
+    angles = to_vector(turned, robot.rates)
+    pose[0], pose[1], pose[2] = mechanism.dead_reckoned(model, (pose[0], pose[1], pose[2]), angles)
+
+
+class Wheels:
+    """Motion of the base by its wheels' encoders over the last tenths of a second."""
+
+    def __init__(self, robot: Robot) -> None:
+        """Initialise without a motion."""
+        self._body = robot.body
+        self._count = len(robot.mechanism.joints)
+        self._stamps: list[int] = []
+        self._poses: list[Pose] = []
+        self._angles = np.zeros(self._count)
+
+    def add(self, stamp_ns: int, position: NDArray[np.float64]) -> None:
+        """Add the positions (positions) of a joint state."""
+        angles = position[-self._count:]
+        pose = np.zeros(3)
+        if self._stamps and stamp_ns > self._stamps[-1]:
+            pose[:] = self._poses[-1]
+            _reckon(self._body, angles - self._angles, pose)
+        else:
+            self._stamps.clear()
+            self._poses.clear()
+        self._angles[:] = angles
+        self._stamps.append(stamp_ns)
+        self._poses.append((float(pose[0]), float(pose[1]), float(pose[2])))
+        # The next odometry may be older than the last one that a state could use.
+        if stamp_ns - self._stamps[0] > 4 * OLDEST_POSE_NS:
+            old = bisect_left(self._stamps, stamp_ns - 2 * OLDEST_POSE_NS)
+            del self._stamps[:old], self._poses[:old]
+
+    def motion(self, start_ns: int, end_ns: int) -> Pose | None:
+        """Return the motion between two stamps in the frame at the first; None if unknown."""
+        start, end = self._at(start_ns), self._at(end_ns)
+        if start is None or end is None:
+            return None
+        c, s = math.cos(start[2]), math.sin(start[2])
+        x, y = end[0] - start[0], end[1] - start[1]
+        return c * x + s * y, c * y - s * x, end[2] - start[2]
+
+    def _at(self, stamp_ns: int) -> Pose | None:
+        k = bisect_left(self._stamps, stamp_ns)
+        if k == len(self._stamps):
+            return None
+        if self._stamps[k] == stamp_ns:
+            return self._poses[k]
+        if k == 0:
+            return None
+        before, after = self._stamps[k - 1:k + 1]
+        part = (stamp_ns - before) / (after - before)
+        pairs = zip(self._poses[k - 1], self._poses[k], strict=True)
+        x, y, yaw = (one + part * (other - one) for one, other in pairs)
+        return x, y, yaw
+
 
 class BasePose:
     """
     Latest odometry, extrapolated to the stamps of the joint states.
 
-    Odometry has a lower rate than joint states. In between the twist is assumed constant, so the
-    platform continues along an arc of a circle. Yaw is unwrapped and never steps by a whole turn.
+    Odometry has a lower rate than joint states and is older. In between, the motion is that of the
+    wheels if their encoders are known, otherwise the twist is assumed constant and the base
+    continues along an arc of a circle. Yaw is unwrapped and never steps by a whole turn. A
+    correction moves the frame of the odometry in that of the pose, such as `map`.
 
     Attributes
     ----------
     stamp_ns
         the stamp of the latest odometry in ns, None before the first.
+    has_jumped
+        True after a jump of odometry or correction, until the user sets it to False.
 
     """
 
-    def __init__(self) -> None:
-        """Initialise without a pose."""
+    def __init__(self, wheels: Wheels | None = None) -> None:
+        """Initialise without a pose; `wheels` for their motion."""
         self.stamp_ns: int | None = None
-        self._x = self._y = self._yaw = 0.0
-        self._forward = self._left = self._turn = 0.0
+        self.has_jumped = False
+        self._wheels = wheels
+        self._pose: Pose = (0.0, 0.0, 0.0)
+        self._twist: Pose = (0.0, 0.0, 0.0)
+        self._correction: Pose | None = None
+        self._moved_ns: int | None = None
 
     def update(self, stamp_ns: int, pose: NDArray[np.float64], twist: NDArray[np.float64]) -> None:
         """
@@ -46,41 +129,95 @@ class BasePose:
         ------
         InputError
             If a number is not finite, or the quaternion does not have length 1 or tilts the
-            platform. The stored pose is then unmodified.
+            base. The stored pose is then unmodified.
 
         """
-        if not (np.isfinite(pose).all() and np.isfinite(twist).all()):
+        if not np.isfinite(twist).all():
             raise InputError('odom: a number of the pose or of the twist is not finite')
-        x, y, z, w = pose[3:].tolist()
-        if abs(math.sqrt(x * x + y * y + z * z + w * w) - 1.0) > _FLAT:
-            raise InputError(f'odom: quaternion [{x:g}, {y:g}, {z:g}, {w:g}] has not length 1')
-        if math.hypot(x, y) > _FLAT:
-            raise InputError(
-                f'odom: quaternion [{x:g}, {y:g}, {z:g}, {w:g}] tilts the platform; it takes a '
-                'rotation about z'
-            )
-        yaw = 2.0 * math.atan2(z, w)
+        x, y, yaw = planar_pose(pose, 'odom')
         if self.stamp_ns is not None:
-            yaw = self._yaw + math.remainder(yaw - self._yaw, 2.0 * math.pi)
+            yaw = self._pose[2] + math.remainder(yaw - self._pose[2], 2.0 * math.pi)
+            age = stamp_ns - self.stamp_ns
+            expected = self._extrapolated(stamp_ns)
+            if 0 < age <= OLDEST_POSE_NS:
+                self.has_jumped |= _is_apart(expected, (x, y, yaw))
         self.stamp_ns = stamp_ns
-        self._x, self._y, self._yaw = float(pose[0]), float(pose[1]), yaw
-        self._forward, self._left = float(twist[0]), float(twist[1])
-        self._turn = float(twist[5])
+        self._pose = x, y, yaw
+        self._twist = float(twist[0]), float(twist[1]), float(twist[5])
+
+    def correct(self, transform: NDArray[np.float64]) -> None:
+        """Store the transform (7) of the odometry's frame; raise InputError like `update`."""
+        x, y, yaw = planar_pose(transform, 'tf')
+        before = self._correction
+        if before is not None:
+            yaw = before[2] + math.remainder(yaw - before[2], 2.0 * math.pi)
+        one, self._correction = self._corrected(self._pose), (x, y, yaw)
+        if before is not None:
+            self.has_jumped |= _is_apart(one, self._corrected(self._pose))
 
     def write(
         self, stamp_ns: int, position: NDArray[np.float64], velocity: NDArray[np.float64]
     ) -> None:
-        """Write x_O, y_O, yaw and their rates in the world at a stamp into the first three."""
-        time = (stamp_ns - (self.stamp_ns or 0)) * 1e-9
-        half = 0.5 * self._turn * time
-        # The chord has the direction of the middle of the arc, and its length times sinc.
-        chord = time * (math.sin(half) / half if abs(half) > 1e-9 else 1.0)
-        c, s = math.cos(self._yaw + half), math.sin(self._yaw + half)
-        position[0] = self._x + chord * (c * self._forward - s * self._left)
-        position[1] = self._y + chord * (s * self._forward + c * self._left)
-        yaw = self._yaw + 2.0 * half
+        """Write x, y, yaw and their rates in the world at a stamp into the first three."""
+        x, y, yaw = self._corrected(self._extrapolated(stamp_ns))
+        position[0], position[1], position[2] = x, y, yaw
+        forward, left, turn = self._twist
         c, s = math.cos(yaw), math.sin(yaw)
-        position[2] = yaw
-        velocity[0] = c * self._forward - s * self._left
-        velocity[1] = s * self._forward + c * self._left
-        velocity[2] = self._turn
+        velocity[0] = c * forward - s * left
+        velocity[1] = s * forward + c * left
+        velocity[2] = turn
+
+    def write_motion(
+        self, stamp_ns: int, position: NDArray[np.float64], velocity: NDArray[np.float64]
+    ) -> None:
+        """Write way and velocity of an omnidirectional base, in its own frame, after the pose."""
+        time = max(0.0, (stamp_ns - (self._moved_ns or stamp_ns)) * 1e-9)
+        self._moved_ns = stamp_ns
+        velocity[3:6] = self._twist
+        position[3:6] += time * velocity[3:6]
+
+    def _extrapolated(self, stamp_ns: int) -> Pose:
+        start = self.stamp_ns or 0
+        motion = None if self._wheels is None else self._wheels.motion(start, stamp_ns)
+        if motion is None:
+            motion = _arc(self._twist, (stamp_ns - start) * 1e-9)
+        return _composed(self._pose, motion)
+
+    def _corrected(self, pose: Pose) -> Pose:
+        return pose if self._correction is None else _composed(self._correction, pose)
+
+
+def planar_pose(pose: NDArray[np.float64], topic: str) -> Pose:
+    """Return x, y and yaw of a pose (7) on the ground; raise InputError for any other one."""
+    if not np.isfinite(pose).all():
+        raise InputError(f'{topic}: a number of the pose or of the twist is not finite')
+    x, y, z, w = pose[3:].tolist()
+    text = f'{topic}: quaternion [{x:g}, {y:g}, {z:g}, {w:g}]'
+    if abs(math.sqrt(x * x + y * y + z * z + w * w) - 1.0) > _FLAT:
+        raise InputError(f'{text} has not length 1')
+    if math.hypot(x, y) > _FLAT:
+        raise InputError(f'{text} tilts the platform; it takes a rotation about z')
+    return float(pose[0]), float(pose[1]), 2.0 * math.atan2(z, w)
+
+
+def _arc(twist: Pose, time: float) -> Pose:
+    """Return the motion with a constant twist for a time in s."""
+    forward, left, turn = twist
+    half = 0.5 * turn * time
+    # The chord has the direction of the middle of the arc, and its length times sinc.
+    chord = time * (math.sin(half) / half if abs(half) > 1e-9 else 1.0)
+    c, s = math.cos(half), math.sin(half)
+    return chord * (c * forward - s * left), chord * (s * forward + c * left), 2.0 * half
+
+
+def _composed(pose: Pose, motion: Pose) -> Pose:
+    """Return a pose after a motion in its own frame."""
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    x, y, yaw = motion
+    return pose[0] + c * x - s * y, pose[1] + s * x + c * y, pose[2] + yaw
+
+
+def _is_apart(one: Pose, other: Pose) -> bool:
+    """Return True if two poses differ by a jump."""
+    turn = math.remainder(one[2] - other[2], 2.0 * math.pi)
+    return max(math.dist(one[:2], other[:2]), abs(turn)) > _JUMP

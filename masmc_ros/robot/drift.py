@@ -50,6 +50,12 @@ def acceleration_itself(model: Any, acceleration: Numbers, drift: Numbers) -> Nu
 
 
 @formula
+def no_damping(model: Any) -> float:
+    """Return zero."""
+    return 0.0
+
+
+@formula
 def no_drift(
     model: Any,
     posture: Any,

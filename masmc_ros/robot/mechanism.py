@@ -16,8 +16,8 @@ frame by REP-103. Vectors are tuples; theta and vectors as long are arrays if th
 `numerics.tuples.LONGEST` entries. `template` is a vector of the kind and length of the
 result. Built-in mechanisms are next to this file; plug-ins use entry points (`mechanisms.py`).
 
-A mechanism without redundancy and without speed limits needs neither `reachable_surface` nor
-`compensated` nor `follow_drift`: those of `drift.py` are the defaults.
+A mechanism without redundancy and without speed limits needs neither `reference_damping` nor
+`reachable_surface` nor `compensated` nor `follow_drift`: those of `drift.py` are the defaults.
 
 `square_task.py` has the formulas from `task_error` to `task_inertia` for a task of as many axes as
 joints, whose errors are differences of coordinates; a mechanism with one imports them.
@@ -53,7 +53,7 @@ from typing import Any, NamedTuple
 from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.dispatch import by_class, by_tag, interface
 from masmc_ros.robot.declaration import formulas_of_model, formulas_of_tag
-from masmc_ros.robot.drift import acceleration_itself, no_drift, surface_itself
+from masmc_ros.robot.drift import acceleration_itself, no_damping, no_drift, surface_itself
 
 _of_record = interface(by_tag('mechanism', formulas_of_tag))
 of_model = interface(by_class(formulas_of_model))
@@ -156,6 +156,11 @@ def reference_motion(
     motion for the task acceleration. The mechanism determines the motion in the null space of the
     task, with damping in a_r.
     """
+
+
+@interface(by_class(formulas_of_model), otherwise=no_damping)
+def reference_damping(model: Any) -> float:
+    """Return kappa in 1/s, with which a_r is the derivative of v_r less kappa (v - v_r)."""
 
 
 @interface(by_class(formulas_of_model), otherwise=surface_itself)

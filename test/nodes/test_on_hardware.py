@@ -11,32 +11,10 @@ from pathlib import Path
 import time
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
-from helpers.processes import PAPER, Peer, peer, processes, ros_arguments
-from masmc_ros.loop.simulated_robot import SimulatedRobot
-from masmc_ros.messages.commands import EffortCdr
-from masmc_ros.messages.names import JOINTS
-from masmc_ros.params.scenario import load_scenario
-from masmc_ros.robot.robot import robot_of
-from masmc_ros.robot.two_link.platform_motion import base_motion as platform_motion
-from nav_msgs.msg import Odometry
+from helpers.foreign_robot import LATE, PERIOD, Watched
+from helpers.processes import PAPER, peer, processes, ros_arguments
 import numpy as np
 import pytest
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray, String
-
-PERIOD = 0.005
-LATE = 0.03
-"""Age of states in s when they are sent."""
-
-ORDER = [6, 3, 5, 4]
-"""Driven joints in the order of the robot's messages."""
-
-MOST_TICKS = 4
-"""Maximum number of ticks to catch up; after longer delays of the test robot time is lost."""
-
-WATCHDOG = 0.1
-"""Time in s without a command after which the drives hold zero velocity."""
 
 FIRST = 100_000_000
 """Duration of the first torques in ns."""
@@ -45,152 +23,10 @@ AWAY = 0.3
 """Distance in m from the robot to the start of the path."""
 
 
-class Robot:
-    """
-    Simulated robot in real time that publishes a state every period.
-
-    Attributes
-    ----------
-    velocities
-        function from velocities in the joints' order to those in the message.
-    is_on
-        whether the robot advances.
-    publishes_pose
-        whether the robot publishes odometry.
-    torques
-        all commanded torques, N·m.
-    answered
-        stamps in ns of the states that the torques answer.
-    wrong
-        commands that are not four finite numbers.
-
-    """
-
-    def __init__(self, tester: Peer) -> None:
-        # The robot is at rest until the first command.
-        calm = ('plant.disturbance.amplitude=[0.0, 0.0, 0.0, 0.0]',)
-        values = load_scenario(str(PAPER), calm)['plant']
-        self._robot = SimulatedRobot(robot_of(values), PERIOD, values)
-        self._start = time.monotonic()
-        self._command, self._torque = EffortCdr(), np.zeros(4)
-        self._commanded = self._start
-        self._states = tester.publisher(JointState, 'joint_states')
-        self._odometry = tester.publisher(Odometry, 'odom')
-        self.velocities: Any = lambda velocity: []
-        self.is_on = self.publishes_pose = True
-        self.torques: list[np.ndarray] = []
-        self.answered: list[int] = []
-        self.wrong: list[bytes] = []
-        tester.subscribe(Float64MultiArray, 'effort_commands', self._on_command, raw=True)
-        tester.node.create_timer(PERIOD, self._advance)
-
-    def _on_command(self, raw: bytes) -> None:
-        if self._command.load(raw):
-            self._torque = self._command.data.copy()
-            self._commanded = time.monotonic()
-            self.torques.append(self._torque)
-            self.answered.append(self._command.stamp_ns or 0)
-        else:
-            self.wrong.append(raw)
-
-    def _advance(self) -> None:
-        """Advance the robot to the current time and publish its state."""
-        if not self.is_on:
-            return
-        ticks = int((time.monotonic() - self._start) / PERIOD)
-        if ticks <= self._robot.tick:
-            return
-        lost = max(0, ticks - self._robot.tick - MOST_TICKS)
-        self._start += lost * PERIOD
-        # The drives hold zero velocity without a command, as those of real robots do.
-        is_held = time.monotonic() - self._commanded > WATCHDOG
-        while self._robot.tick < ticks - lost:
-            self._robot.advance(None if is_held else self._torque)
-        stamp = time.time_ns() - round(LATE * 1e9)
-        if self.publishes_pose:
-            self.publish_pose(stamp)
-        self.publish_state(stamp)
-
-    def publish_state(self, stamp: int) -> None:
-        state = JointState(name=['gripper', *(JOINTS[i] for i in ORDER)])
-        state.header.stamp.sec, state.header.stamp.nanosec = divmod(stamp, 10**9)
-        state.position = [0.5, *self._robot.position[ORDER].tolist()]
-        state.velocity = self.velocities([0.0, *self._robot.velocity[ORDER].tolist()])
-        self._states.publish(state)
-
-    def publish_pose(self, stamp: int) -> None:
-        poses, twists = platform_motion(self._robot.position[None], self._robot.velocity[None])
-        message = Odometry()
-        message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
-        pose, twist = message.pose.pose, message.twist.twist
-        pose.position.x, pose.position.y = poses[0, :2].tolist()
-        pose.orientation.z, pose.orientation.w = poses[0, 5:].tolist()
-        twist.linear.x, twist.angular.z = float(twists[0, 0]), float(twists[0, 5])
-        self._odometry.publish(message)
-
-
-class Watched(Robot):
-    """
-    Robot with the messages of its controller.
-
-    Attributes
-    ----------
-    controller_states
-        texts of `controller/state`.
-    health
-        latest report of the controller.
-    errors
-        tracking errors in m.
-
-    """
-
-    def __init__(self, tester: Peer) -> None:
-        super().__init__(tester)
-        self.tester = tester
-        self.controller_states: list[str] = []
-        self.health: dict[str, str] = {}
-        self._reported = 0
-        self.errors: list[np.ndarray] = []
-        tester.subscribe(
-            String, 'controller/state', lambda m: self.controller_states.append(m.data)
-        )
-        tester.subscribe(DiagnosticArray, '/diagnostics', self._on_health)
-        tester.subscribe(
-            Float64MultiArray,
-            'controller/tracking_error',
-            lambda m: self.errors.append(np.array(m.data[2:])),
-            past=False,
-        )
-
-    def figure(self, name: str) -> float:
-        return float(self.health.get(name, 'nan'))
-
-    def reported(self, name: str) -> float:
-        """Return a figure of the next report."""
-        now = time.time_ns()
-        self.tester.until(lambda: self._reported > now, 'a report')
-        return self.figure(name)
-
-    def moves_on(self, count: int = 300) -> None:
-        """Wait for more than `count` further torques."""
-        previous = len(self.torques)
-        self.tester.until(
-            lambda: (
-                len(self.torques) > previous + count and self.controller_states[-1:] == ['active']
-            ),
-            lambda: f'torques; {self.controller_states}, {self.health}',
-        )
-
-    def _on_health(self, message: DiagnosticArray) -> None:
-        for status in message.status:
-            if status.name.endswith('controller'):
-                self.health = {pair.key: pair.value for pair in status.values}
-                stamp = message.header.stamp
-                self._reported = stamp.sec * 10**9 + stamp.nanosec
-
-
 @contextmanager
-def watched(folder: Path, **settings: Any) -> Iterator[tuple[Watched, Any]]:
+def watched(
+    folder: Path, *, is_hybrid: bool = False, **settings: Any
+) -> Iterator[tuple[Watched, Any]]:
     """Yield a robot and the process of its controller, with a trajectory node."""
     arguments = ros_arguments(
         PAPER,
@@ -226,7 +62,7 @@ def watched(folder: Path, **settings: Any) -> Iterator[tuple[Watched, Any]]:
         },
     )
     with processes(folder) as started, peer(started.domain) as tester:
-        robot = Watched(tester)
+        robot = Watched(tester, is_hybrid=is_hybrid)
         controller = started.start('controller', *arguments)
         started.start('trajectory', *arguments)
         yield robot, controller
@@ -327,3 +163,65 @@ def test_controller_path_starts_elsewhere_first_torques_small(tmp_path: Path) ->
             first = np.array(robot.answered) - robot.answered[0] <= FIRST
             largest[speed] = float(np.abs(np.array(robot.torques)[first]).max())
     assert largest[0.25] < 0.2 * largest[0.0]
+
+
+HYBRID = {
+    'is_hybrid': True,
+    'command_interface': 'hybrid',
+    'velocity_source': 'estimated',
+    'pose_frame': 'map',
+}
+
+
+@pytest.mark.slow
+def test_controller_foreign_base_and_arm_reach_reference(tmp_path: Path) -> None:
+    """Joint states in another order, odometry at a quarter of their rate, cmd_vel and efforts."""
+    with watched(tmp_path, **HYBRID) as (robot, _):
+        robot.correction[:2] = 0.1, -0.05
+        robot.tester.until(
+            lambda: len(robot.errors) > 1000 and np.abs(robot.errors[-1]).max() < 0.02,
+            lambda: f'an error that is small: {robot.errors[-1:]}, {robot.health}',
+        )
+        assert robot.controller_states == ['active']
+        assert max(np.abs(torque).max() for torque in robot.torques) <= 4.0
+        # The path is in the frame `map`.
+        assert np.abs(robot.task_position - [AWAY, 0.5, AWAY - 0.3, 0.0]).max() < 0.05
+
+
+@pytest.mark.slow
+def test_controller_jump_of_map_is_approached(tmp_path: Path) -> None:
+    with watched(tmp_path, **HYBRID) as (robot, controller):
+
+        def is_near() -> bool:
+            return len(robot.errors) > 600 and bool(np.abs(robot.errors[-1]).max() < 0.01)
+
+        robot.tester.until(is_near, lambda: f'an error that is small: {robot.errors[-1:]}')
+        calm, count = len(robot.torques), len(robot.velocities_seen)
+        robot.correction[:2] += 0.05
+        robot.tester.until(
+            lambda: controller.logged('INFO', 'the pose jumped'), 'the jump in the log'
+        )
+        robot.moves_on(600)
+        robot.tester.until(is_near, lambda: f'an error that is small: {robot.errors[-1:]}')
+        assert max(np.abs(torque).max() for torque in robot.torques[calm:]) <= 4.0
+        speeds = np.abs(robot.velocities_seen[count:])
+        assert np.hypot(*speeds[:, :2].T).max() < 0.4
+        assert 'fault' not in ''.join(robot.controller_states)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ('source', 'name'), [('publishes_pose', 'odom'), ('publishes_states', 'joint_states')]
+)
+def test_controller_stale_source_is_fault_with_its_name(
+    tmp_path: Path, source: str, name: str
+) -> None:
+    with watched(tmp_path, **HYBRID, state_timeout=0.3) as (robot, _):
+        robot.moves_on()
+        setattr(robot, source, False)
+        robot.tester.until(
+            lambda: f'fault: no usable {name} for 0.3 s' in robot.controller_states,
+            lambda: f'a fault: {robot.controller_states}',
+        )
+        setattr(robot, source, True)
+        robot.moves_on()

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -70,7 +70,7 @@ class Run:
         (N, joints) torques applied over the interval that ends with the state, N·m.
     torque
         (M, joints) commanded torques in N·m, at the stamps of the answered states; M = 0 if
-        velocities were commanded.
+        velocities were commanded. Those of a base that follows velocities are zero.
     cmd_vel
         (P, twist) commanded velocities of the base in m/s and rad/s, at the stamps of the
         answered states if these are known, else at log times; P = 0 if torques were commanded.
@@ -218,7 +218,11 @@ def _run(path: Path, contents: LogContents) -> Run:
     _insert_description(history.start, contents, namespace)
     position, velocity, effort = np.hsplit(states.values, 3)
     driven, rated = EFFORT.named(names[base:]), ARM_VELOCITY.named(names[base + twist_size:])
-    efforts = series(message_names.COMMAND_TOPIC, decode.commands(driven))
+    is_hybrid = start.get('controller', {}).get('command_interface') == 'hybrid'
+    by_torque = EFFORT.named(names[base + twist_size:]) if is_hybrid else driven
+    efforts = series(message_names.COMMAND_TOPIC, decode.commands(by_torque))
+    if efforts is not None and is_hybrid:
+        efforts = replace(efforts, values=np.pad(efforts.values, ((0, 0), (twist_size, 0))))
     arm_rates = series(message_names.ARM_VELOCITY_TOPIC, decode.commands(rated))
     places = [component.place for component in mechanism.twist]
     topic = _topic(contents, namespace + message_names.CMD_VEL_TOPIC, TWIST, TWIST_STAMPED)

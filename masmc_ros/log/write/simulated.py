@@ -98,7 +98,9 @@ class SimulationLog:
             unused = [message_names.COMMAND_TOPIC]
             unused += [message_names.telemetry_topic(s.label) for s in PUBLISHED if s.of_torques]
         else:
-            unused = [message_names.CMD_VEL_TOPIC, message_names.ARM_VELOCITY_TOPIC]
+            unused = [message_names.ARM_VELOCITY_TOPIC]
+            if not simulation.controller.is_hybrid:
+                unused.append(message_names.CMD_VEL_TOPIC)
         if not len(simulation.plant.contact):
             unused.append(message_names.CONTACT_TOPIC)
         self._channels = {
@@ -182,13 +184,16 @@ class SimulationLog:
 
     def _commands(self, block: _Block) -> Iterator[_Rows]:
         tick_block, stamps, mechanism = block.tick_block, block.stamps, self._mechanism
-        driven = self._joints[len(mechanism.base):]
-        if not self._simulation.controller.commands_rates:
-            torques, is_void = tick_block.torque, tick_block.is_void
-            for group in EFFORT.named(driven).messages(stamps, torques, is_void):
+        driven, controller = self._joints[len(mechanism.base):], self._simulation.controller
+        own = len(mechanism.twist)
+        if not controller.commands_rates:
+            first = own if controller.is_hybrid else 0
+            torques, is_void = tick_block.torque[:, first:], tick_block.is_void
+            for group in EFFORT.named(driven[first:]).messages(stamps, torques, is_void):
                 yield message_names.COMMAND_TOPIC, stamps[group.indices], group.messages
+        if not controller.by_velocity.any():
             return
-        rates, own = np.zeros((len(stamps), 6)), len(mechanism.twist)
+        rates = np.zeros((len(stamps), 6))
         rates[:, [component.place for component in mechanism.twist]] = tick_block.rates[:, :own]
         twist = {'linear': rates[:, :3], 'angular': rates[:, 3:]}
         if self._is_stamped:
@@ -198,6 +203,8 @@ class SimulationLog:
         else:
             twists = platform_messages.twist_layout().messages(**twist)
         yield message_names.CMD_VEL_TOPIC, stamps, twists
+        if controller.is_hybrid:
+            return
         for group in ARM_VELOCITY.named(driven[own:]).messages(stamps, tick_block.rates[:, own:]):
             yield message_names.ARM_VELOCITY_TOPIC, stamps[group.indices], group.messages
 

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Publishers of the commands: torques on one topic, or velocities on two."""
+"""Publishers of the commands: torques, velocities, or velocities of the base and torques."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from masmc_ros.loop.controller import Controller
 from masmc_ros.messages.commands import ARM_VELOCITY, CommandWriter, EFFORT
 from masmc_ros.messages.names import ARM_VELOCITY_TOPIC, CMD_VEL_TOPIC, COMMAND_TOPIC
 from masmc_ros.messages.platform_messages import TwistCdr, TwistStampedCdr
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.robot.joint_names import check_frame_prefix
 import numpy as np
 from rclpy.publisher import Publisher
@@ -51,6 +52,10 @@ class CommandOutput(Protocol):
         """Return figures of the command for /diagnostics."""
 
 
+def _largest(torque: Array) -> dict[str, str]:
+    return {'largest torque (N m)': f'{float(np.abs(torque).max()):.6g}'}
+
+
 class TorqueOutput:
     """Torques (N·m) on effort_commands."""
 
@@ -81,18 +86,25 @@ class TorqueOutput:
 
     def figures(self) -> dict[str, str]:
         """Return the largest torque."""
-        return {'largest torque (N m)': f'{float(np.abs(self._torque).max()):.6g}'}
+        return _largest(self._torque)
 
     def _send(self, raw: bytes) -> None:
         self._sent = raw
         self.repeat()
 
 
-class RateOutput:
-    """Velocities of the base on cmd_vel, and of the other joints on a separate topic."""
+class BaseOutput:
+    """Velocities of the base on cmd_vel, and commands of the other joints on a separate topic."""
 
-    def __init__(self, controller: Controller, values: Mapping[str, Any]) -> None:
-        """Initialise with the controller and its parameters; InputError for a bad frame prefix."""
+    def __init__(
+        self, controller: Controller, values: Mapping[str, Any], joints: Sequence[str]
+    ) -> None:
+        """
+        Initialise with the controller, its parameters and the names of the driven joints.
+
+        The other joints receive torques with `command_interface` hybrid, otherwise velocities.
+        Raises InputError for a bad frame prefix.
+        """
         self.publishers: list[Publisher] = []
         prefix = check_frame_prefix(values['frame_prefix'])
         base = controller.mechanism.frames[0][1]
@@ -101,27 +113,33 @@ class RateOutput:
         if values['enable_stamped_cmd_vel']:
             self._twist, self._type = TwistStampedCdr(prefix, base), TwistStamped
         self._mechanism = controller.mechanism
-        joints = [joint.name for joint in self._mechanism.own_rates]
-        self._joint_rates = np.zeros(len(joints))
-        self._joint_writer = CommandWriter(ARM_VELOCITY.named(joints), self._joint_rates)
-        self._command = controller.velocity_command
-        self._zeros = np.zeros(len(self._command))
+        self._base = len(self._mechanism.twist)
+        joints = joints[self._base:]
+        self._is_hybrid = controller.is_hybrid
+        kind = (EFFORT if self._is_hybrid else ARM_VELOCITY).named(joints)
+        self._topic = COMMAND_TOPIC if self._is_hybrid else ARM_VELOCITY_TOPIC
+        self._velocities = controller.velocity_command[:self._base]
+        source = controller.torque if self._is_hybrid else controller.velocity_command
+        self._joint_command = source[self._base:]
+        zeros = np.zeros(len(joints))
+        self._writer = CommandWriter(kind, self._joint_command)
+        self._void = CommandWriter(kind, zeros, is_void=self._is_hybrid)
         self._sent = b'', b''
 
     def connect(self, advertise: Advertise) -> None:
         """Create the publishers."""
         self.publishers = [
             advertise(self._type, CMD_VEL_TOPIC),
-            advertise(Float64MultiArray, ARM_VELOCITY_TOPIC),
+            advertise(Float64MultiArray, self._topic),
         ]
 
     def send(self, stamp: int) -> None:
-        """Send the velocities as the response to the state of a stamp in ns."""
-        self._send(self._command, stamp)
+        """Send the command as the response to the state of a stamp in ns."""
+        self._send(self._velocities, self._writer, stamp)
 
     def send_void(self, stamp: int) -> None:
-        """Send zero velocities as the response to the state of a stamp in ns."""
-        self._send(self._zeros, stamp)
+        """Send zero velocities, or void torques, as the response to the state of a stamp in ns."""
+        self._send(np.zeros(self._base), self._void, stamp)
 
     def repeat(self) -> None:
         """Send the last command again, first the twist, which may have no stamp."""
@@ -129,26 +147,22 @@ class RateOutput:
             publisher.publish(raw)
 
     def figures(self) -> dict[str, str]:
-        """Return the commanded velocities."""
-        twist, rates = self._mechanism.twist, self._command.tolist()
-        return {
-            **{
-                f'{velocity.name} ({velocity.unit})': f'{rate:.6g}'
-                for velocity, rate in zip(twist, rates, strict=False)
-            },
-            f"{self._mechanism.groups[-1].name}'s rates (rad/s)": ', '.join(
-                f'{rate:.6g}' for rate in rates[len(twist):]
-            ),
+        """Return the commanded velocities, and with hybrid the largest torque."""
+        figures = {
+            f'{velocity.name} ({velocity.unit})': f'{rate:.6g}'
+            for velocity, rate in zip(self._mechanism.twist, self._velocities, strict=True)
         }
+        if self._is_hybrid:
+            return {**figures, **_largest(self._joint_command)}
+        rates = ', '.join(f'{rate:.6g}' for rate in self._joint_command.tolist())
+        return {**figures, f"{self._mechanism.groups[-1].name}'s rates (rad/s)": rates}
 
-    def _send(self, command: Any, stamp: int) -> None:
+    def _send(self, velocities: Any, writer: CommandWriter, stamp: int) -> None:
         twist = self._twist
         if isinstance(twist, TwistStampedCdr):
             twist.set_stamp(stamp)
-        velocities = self._mechanism.twist
-        for velocity, number in zip(velocities, command, strict=False):
+        for velocity, number in zip(self._mechanism.twist, velocities, strict=True):
             part, axis = divmod(velocity.place, 3)
             (twist.linear, twist.angular)[part][axis] = number
-        self._joint_rates[:] = command[len(velocities):]
-        self._sent = twist.to_bytes(), self._joint_writer.to_bytes(stamp)
+        self._sent = twist.to_bytes(), writer.to_bytes(stamp)
         self.repeat()

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+import math
 import sys
 import time
 from typing import Any
@@ -39,7 +40,7 @@ from masmc_ros.loop.safe_stop import HOLD, SafeStop
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.parameter_record import record_of
 from masmc_ros.messages.reference_window import ReferenceWindow
-from masmc_ros.nodes.controller.command_output import CommandOutput, RateOutput, TorqueOutput
+from masmc_ros.nodes.controller.command_output import BaseOutput, CommandOutput, TorqueOutput
 from masmc_ros.nodes.controller.health import ControllerHealth
 from masmc_ros.nodes.controller.reference_input import ReferenceInput
 from masmc_ros.nodes.controller.state_input import StateInput
@@ -85,8 +86,8 @@ class ControllerNode(SuiteNode):
         joints = driven_joint_names(values)
         self._health = ControllerHealth(timing.period, self.node.get_clock(), joints)
         self._output: CommandOutput = (
-            RateOutput(controller, values)
-            if controller.commands_rates
+            BaseOutput(controller, values, joints)
+            if controller.by_velocity.any()
             else TorqueOutput(controller, joints)
         )
         self._performers: dict[type, Callable[[Any], None]] = {
@@ -137,7 +138,15 @@ class ControllerNode(SuiteNode):
         )
         axes = len(self._controller.mechanism.axes)
         ReferenceInput(node, axes, self._rejected_messages, self._on_reference)
-        StateInput(node, self.values, self._rejected_messages, self._on_state)
+        self._states = StateInput(
+            node,
+            self.values,
+            self._controller.robot,
+            self._rejected_messages,
+            self._on_state,
+            lambda: self._perform(core.on_jump()),
+        )
+        core.missing_source = lambda: self._states.missing
         self.wait('the plant (joint_states)')
 
     def close(self, spin: Callable[[], None]) -> None:
@@ -202,6 +211,8 @@ class ControllerNode(SuiteNode):
     def _watch(self) -> None:
         if self.finished:
             return
+        if self._core.arrival == math.inf and self._states.missing != 'joint_states':
+            self.wait(f'the robot ({self._states.missing})')
         self._perform(self._core.on_timer(time.monotonic()))
         effect = self._law_change.poll()
         if effect is not None:

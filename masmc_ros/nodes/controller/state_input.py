@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+import time
 from typing import Any
 
 from masmc_ros.errors import InputError
@@ -13,26 +14,37 @@ from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES
 from masmc_ros.messages.cdr_layout import checked_stamp, UNREAD
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.platform_messages import odometry_numbers
+from masmc_ros.messages.topics import TRANSFORMS
+from masmc_ros.messages.transforms import transforms_of
 from masmc_ros.nodes.middleware.messages import deserialized
 from masmc_ros.nodes.middleware.past import subscribe_with_past
+from masmc_ros.nodes.middleware.raw_types import raw_class
 from masmc_ros.nodes.process.rejected_messages import RejectedMessages
 from masmc_ros.numerics.aliases import Array
-from masmc_ros.robot.base_pose import BasePose, OLDEST_POSE_NS
+from masmc_ros.robot.base_pose import BasePose, OLDEST_POSE_NS, Wheels
 from masmc_ros.robot.joint_names import driven_joint_names, joint_names
+from masmc_ros.robot.robot import Robot
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
+_OLDEST_TRANSFORM = 2.0
+"""Longest time in s without a transform on /tf; those on /tf_static never expire."""
+
+_STATES, _ODOM = 'joint_states', 'odom'
+
 
 class StateInput:
-    """Subscriptions to joint_states, and to odom with `pose_source` odom."""
+    """Subscriptions to joint_states, and to odom and tf with `pose_source` odom."""
 
     def __init__(
         self,
         node: Node,
         values: Mapping[str, Any],
+        robot: Robot,
         rejected_messages: RejectedMessages,
         on_state: Callable[[int, Array, Array], None],
+        on_jump: Callable[[], None],
     ) -> None:
         """
         Subscribe to the topics.
@@ -44,11 +56,15 @@ class StateInput:
         values
             Current parameters of the controller, which may change. With `velocity_source`
             estimated a state needs no velocities.
+        robot
+            Robot of the controller, whose wheels move the base between two odometry messages.
         rejected_messages
             Counts of rejected messages.
         on_state
             Function that is called with the stamp in ns, positions and velocities of each state
             that is complete and finite. The next message overwrites these arrays.
+        on_jump
+            Function that is called before the first state after a jump of the pose.
 
         """
         self._values = values
@@ -57,29 +73,60 @@ class StateInput:
         # The first call compiles the kernel, or loads it.
         self._state.read(self._state.to_bytes())
         self._rejected_messages = rejected_messages
-        self._on_state = on_state
-        self._base = BasePose() if values['pose_source'] == 'odom' else None
-        self._joints = names if self._base is None else driven_joint_names(values)
+        self._on_state, self._on_jump = on_state, on_jump
+        self._base: BasePose | None = None
+        self._wheels: Wheels | None = None
+        self._joints, self._moves_freely = names, False
         self._is_waiting = False
         self._missing_pose: str | None = None
-        if self._base is not None:
-            subscribe_with_past(node, Odometry, 'odom', self._take_odometry)
-        subscribe_with_past(node, JointState, 'joint_states', self._take)
+        self._frame: str = values['pose_frame']
+        self._odom_frame = ''
+        self._corrected = -float('inf')
+        self._transforms: dict[str, Array] = {}
+        if values['pose_source'] == _ODOM:
+            self._joints = driven_joint_names(values)
+            kind = robot.mechanism
+            # An omnidirectional base has no joints: its twist stands for theirs.
+            self._moves_freely = kind.joints[0].unit == 'm'
+            if self._moves_freely:
+                self._joints = self._joints[len(kind.twist):]
+            else:
+                self._wheels = Wheels(robot)
+                # The first motion compiles the kernel, or loads it.
+                for stamp in range(2):
+                    self._wheels.add(stamp, self._state.position)
+            self._base = BasePose(self._wheels)
+            subscribe_with_past(node, Odometry, _ODOM, self._take_odometry)
+            if self._frame:
+                message_type = raw_class(TRANSFORMS.type_name)
+                node.create_subscription(message_type, '/tf', self._take_transforms, 100, raw=True)
+                subscribe_with_past(node, message_type, '/tf_static', self._take_static, 100)
+        subscribe_with_past(node, JointState, _STATES, self._take)
+
+    @property
+    def missing(self) -> str:
+        """Return the source without which states are not complete."""
+        if self._is_waiting and self._base is not None:
+            return self._missing_source(self._base, self._state.stamp_ns) or _STATES
+        return _STATES
 
     def _take(self, raw: bytes) -> None:
         if self._missing_pose is not None:
-            self._rejected_messages.add('joint_states', self._missing_pose)
+            self._rejected_messages.add(_STATES, self._missing_pose)
             self._missing_pose = None
         state = self._state
-        stamp = state.read(raw)
+        # A message in the layout of all joints contains a pose, which is not used with odom.
+        stamp = UNREAD if self._moves_freely else state.read(raw)
         if stamp == UNREAD:
             try:
                 stamp = self._read_any(raw, state)
             except InputError as error:
                 self._is_waiting = False
-                self._rejected_messages.add('joint_states', error)
+                self._rejected_messages.add(_STATES, error)
                 return
         if self._base is not None:
+            if self._wheels is not None:
+                self._wheels.add(stamp, state.position)
             self._add_pose(self._base, stamp)
         else:
             self._on_state(stamp, state.position, state.velocity)
@@ -91,6 +138,15 @@ class StateInput:
         state.load_message(message, self._joints, unknown_velocity=unknown)
         return state.stamp_ns
 
+    def _missing_source(self, base: BasePose, stamp: int) -> str:
+        """Return the source that is missing or too old for a state; empty if none is."""
+        if base.stamp_ns is None or abs(stamp - base.stamp_ns) > OLDEST_POSE_NS:
+            return _ODOM
+        is_old = time.monotonic() - self._corrected > _OLDEST_TRANSFORM
+        if self._frame and (is_old or self._odom_frame not in self._transforms):
+            return f'/tf ({self._frame} to {self._odom_frame})'
+        return ''
+
     def _add_pose(self, base: BasePose, stamp: int) -> None:
         """
         Pass on the state with its pose from odometry if one is available, otherwise wait.
@@ -98,14 +154,20 @@ class StateInput:
         The odometry may arrive later: a missing pose is reported with the next state.
         """
         state = self._state
-        pose_stamp = base.stamp_ns
-        self._is_waiting = pose_stamp is None or abs(stamp - pose_stamp) > OLDEST_POSE_NS
-        self._missing_pose = None
-        if self._is_waiting:
-            if pose_stamp is not None:
-                self._missing_pose = f'odom is {(stamp - pose_stamp) * 1e-9:.3f} s older'
+        missing = self._missing_source(base, stamp)
+        self._is_waiting, self._missing_pose = bool(missing), None
+        if missing:
+            if missing != _ODOM:
+                self._missing_pose = f'no transform on {missing}'
+            elif base.stamp_ns is not None:
+                self._missing_pose = f'odom is {(stamp - base.stamp_ns) * 1e-9:.3f} s older'
             return
         base.write(stamp, state.position, state.velocity)
+        if self._moves_freely:
+            base.write_motion(stamp, state.position, state.velocity)
+        if base.has_jumped:
+            base.has_jumped = False
+            self._on_jump()
         self._on_state(stamp, state.position, state.velocity)
 
     def _take_odometry(self, raw: bytes) -> None:
@@ -113,10 +175,36 @@ class StateInput:
         if base is None:
             return
         try:
-            stamp, pose, twist = odometry_numbers(deserialized(raw, Odometry))
+            message = deserialized(raw, Odometry)
+            stamp, pose, twist = odometry_numbers(message)
             base.update(checked_stamp(stamp), pose, twist)
         except InputError as error:
-            self._rejected_messages.add('odom', error)
+            self._rejected_messages.add(_ODOM, error)
             return
+        frame = message.header.frame_id.lstrip('/')
+        if frame != self._odom_frame:
+            self._odom_frame = frame
+            self._correct(base)
         if self._is_waiting:
             self._add_pose(base, self._state.stamp_ns)
+
+    def _take_static(self, raw: bytes) -> None:
+        self._take_transforms(raw, expires=False)
+
+    def _take_transforms(self, raw: bytes, *, expires: bool = True) -> None:
+        """Use the transform from the frame of the path to that of the odometry."""
+        try:
+            for parent, child, numbers in transforms_of(raw):
+                if parent.lstrip('/') == self._frame:
+                    self._corrected = time.monotonic() if expires else float('inf')
+                    self._transforms[child.lstrip('/')] = numbers
+                    if self._base is not None and child.lstrip('/') == self._odom_frame:
+                        self._correct(self._base)
+        except InputError as error:
+            self._rejected_messages.add('tf', error)
+
+    def _correct(self, base: BasePose) -> None:
+        """Move the frame of the odometry by the last transform to it."""
+        numbers = self._transforms.get(self._odom_frame)
+        if numbers is not None:
+            base.correct(numbers)

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Subscriptions to commands: torques on one topic, or velocities on two."""
+"""Subscriptions to commands: torques on one topic, or velocities and torques on two."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from masmc_ros.errors import InputError
 from masmc_ros.law.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CMD_VEL
 from masmc_ros.messages.names import ARM_VELOCITY_TOPIC, CMD_VEL_TOPIC, COMMAND_TOPIC
 from masmc_ros.nodes.middleware.past import subscribe_with_past
-from masmc_ros.nodes.plant.command_sources import rate_sources, Source, torque_sources
+from masmc_ros.nodes.plant.command_sources import base_sources, Source, torque_sources
 from masmc_ros.nodes.process.rejected_messages import RejectedMessages
 from masmc_ros.numerics.aliases import Array
 from masmc_ros.plant.latest_command import CommandPart
@@ -40,7 +40,7 @@ class CommandInput:
     Attributes
     ----------
     interface
-        `effort` or `velocity`.
+        `effort`, `velocity` or `hybrid`.
     sources
         Topics of the command, in the order of its numbers.
 
@@ -53,13 +53,14 @@ class CommandInput:
         self._rejected_messages = rejected_messages
         joints = driven_joint_names(values)
         self.sources = (
-            rate_sources(
+            base_sources(
                 joints,
                 mechanism_from(values).twist,
                 values['frame_prefix'],
                 is_stamped=self._is_stamped,
+                is_hybrid=self.interface == 'hybrid',
             )
-            if self.interface == 'velocity'
+            if self.interface != 'effort'
             else torque_sources(joints)
         )
 
@@ -93,10 +94,9 @@ class CommandInput:
         """Return a description of the other commands of a node in this namespace, or None."""
         if self.are_sent_by(node, name):
             return None
-        other = (
-            [CMD_VEL_TOPIC, ARM_VELOCITY_TOPIC] if self.interface == 'effort' else [COMMAND_TOPIC]
-        )
-        sent = [topic for topic in other if _sent_types(node, name, topic)]
+        used = {source.topic for source in self.sources}
+        other = {CMD_VEL_TOPIC, ARM_VELOCITY_TOPIC, COMMAND_TOPIC} - used
+        sent = [topic for topic in sorted(other) if _sent_types(node, name, topic)]
         if sent:
             return (
                 f'it sends {" and ".join(sent)}, and with {COMMAND_INTERFACE.name} '

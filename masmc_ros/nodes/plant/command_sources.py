@@ -56,11 +56,16 @@ def torque_sources(joints: tuple[str, ...]) -> list[Source]:
     return [Source(part, FLOAT_ARRAY, Float64MultiArray, _labelled(EffortCdr(joints)))]
 
 
-def rate_sources(
-    joints: tuple[str, ...], twist: Sequence[Velocity], frame_prefix: str, *, is_stamped: bool
+def base_sources(
+    joints: tuple[str, ...],
+    twist: Sequence[Velocity],
+    frame_prefix: str,
+    *,
+    is_stamped: bool,
+    is_hybrid: bool,
 ) -> list[Source]:
     """
-    Return the sources of commanded velocities: twist of the base, rates of the other joints.
+    Return the sources of a twist of the base, and of velocities or torques of the other joints.
 
     Parameters
     ----------
@@ -72,17 +77,21 @@ def rate_sources(
         Prefix of frame names. A TwistStamped with this prefix is read by compiled code.
     is_stamped
         True if twists are TwistStamped.
+    is_hybrid
+        True if the other joints receive torques. Without them, drives hold the base as well.
 
     """
     places = [velocity.place for velocity in twist]
     others = joints[len(places):]
     base = CommandPart(CMD_VEL_TOPIC, len(places), names_state=is_stamped)
-    joints_part = CommandPart(ARM_VELOCITY_TOPIC, len(others))
+    topic = COMMAND_TOPIC if is_hybrid else ARM_VELOCITY_TOPIC
+    joints_part = CommandPart(topic, len(others), is_required=is_hybrid)
+    reader = EffortCdr(others) if is_hybrid else ArmVelocityCdr(others)
     return [
         Source(base, TWIST_STAMPED, TwistStamped, _stamped_twist(frame_prefix, places))
         if is_stamped
         else Source(base, TWIST, Twist, _twist(places)),
-        Source(joints_part, FLOAT_ARRAY, Float64MultiArray, _labelled(ArmVelocityCdr(others))),
+        Source(joints_part, FLOAT_ARRAY, Float64MultiArray, _labelled(reader)),
     ]
 
 

@@ -40,12 +40,15 @@ class Recomputed:
             self._compare('commands', run.arm_rates, stamps, own)
         else:
             self._compare('commands', run.torque, stamps, tick_block.torque)
+            # The other topic of a hybrid interface.
+            base = tick_block.rates[:, :len(run.mechanism.twist)]
+            self._compare('commands', run.cmd_vel, stamps, base)
 
     def verdict(self, *, is_changed: bool) -> str:
         """Return the result in one line; `is_changed` if parameters differ from the log's."""
         states, commands = self._same['states'], self._same['commands']
         run = self._run
-        sent = len(run.cmd_vel) + len(run.arm_rates) if run.commands_rates else len(run.torque)
+        sent = len(run.cmd_vel) + len(run.arm_rates) + len(run.torque)
         total = f'{len(self._states)} states and {sent} commands'
         if states == len(self._states) and commands == sent:
             return f'recomputed: all {total} of {self._run.path} are bitwise identical'

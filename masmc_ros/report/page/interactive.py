@@ -106,7 +106,7 @@ def _shown(run: Run, tracked: Tracking) -> Iterator[Shown]:
             yield f'error_{point.symbol}', title, quantity, drawn
     signals = [signal for signal in PUBLISHED if signal.title and signal.name in run.telemetry]
     yield from (_published(run, signal) for signal in signals if signal.size == 'axes')
-    if run.commands_rates:
+    if run.commands_rates or len(run.cmd_vel):
         yield from _velocities(run)
     drives = [joint.label for joint in mechanism.joints]
     title, drawn = 'Torques applied', lines(drives, run.times - start, run.applied_effort)

@@ -30,7 +30,7 @@ from masmc_ros.robot.tree.consistency import consistency_normal, weakest_motion
 from masmc_ros.robot.tree.dynamics import GRAVITY
 from masmc_ros.robot.tree.friction import add_friction, write_friction_gradient
 from masmc_ros.robot.tree.kinematics import base_motion, place, Posture
-from masmc_ros.robot.tree.model import axes_of, base_of, bodies_of, TreeModel
+from masmc_ros.robot.tree.model import axes_of, base_of, bodies_of, damping_of, TreeModel
 from masmc_ros.robot.tree.natural_adaptation import adapted
 from masmc_ros.robot.tree.task.drift import compensated, follow_drift, reachable_surface
 from masmc_ros.robot.tree.task.redundancy import (
@@ -300,6 +300,12 @@ def joint_accelerations(
 def rate_command(model: TreeModel, motion: Numbers) -> Numbers:
     """Return nu."""
     return motion
+
+
+@formula
+def reference_damping(model: TreeModel) -> float:
+    """Return kappa of a_r in 1/s."""
+    return damping_of(model)
 
 
 @formula

@@ -28,7 +28,7 @@ from masmc_ros.messages.string_message import string_message
 from masmc_ros.messages.telemetry import TelemetryCdr
 from masmc_ros.messages.transforms import TransformsCdr
 from masmc_ros.nodes.middleware.raw_types import raw_class
-from masmc_ros.nodes.plant.command_sources import rate_sources, torque_sources
+from masmc_ros.nodes.plant.command_sources import base_sources, torque_sources
 from masmc_ros.robot.mechanisms import DEFAULT
 from mcap.reader import make_reader
 import numpy as np
@@ -59,7 +59,9 @@ def test_command_sources_random_message_valid_or_error() -> None:
     rates = [
         part
         for is_stamped in (False, True)
-        for part in rate_sources(DRIVEN_JOINTS, DEFAULT.twist, '', is_stamped=is_stamped)
+        for part in base_sources(
+            DRIVEN_JOINTS, DEFAULT.twist, '', is_stamped=is_stamped, is_hybrid=False
+        )
     ]
     for part in (*torque_sources(DRIVEN_JOINTS), *rates):
         for _ in range(400):

@@ -1,0 +1,277 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Laws of an arm on a base that follows velocities: `command_interface` hybrid.
+
+The base follows its velocities b by its own drives, with a first-order lag `base_lag`, and only
+the arm is driven by torques. In the coordinates of commands, c = (b, a) with the rates a of the
+arm's joints, the base's reference b_r is the command, with the lead base_lag bdot_r. The arm uses
+the true motion of the base and compensates its lag,
+
+    J_a a' = J_a a_r + J_b (b_r - b),    c' = (b, a'),    s = J (c - c') = J_a (a - a'),
+
+by damped least squares if J_a cannot be inverted. Laws then use c' and its derivative in place of
+the reference motion. They request torques of the arm: those of the base are zero.
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+from masmc_ros.law.fields import Memory, Settings
+from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.arrays import array_of, to_vector, write_part
+from masmc_ros.numerics.compiled import formula, kernel
+from masmc_ros.numerics.dispatch import by_tag, interface
+from masmc_ros.numerics.elimination import solve_definite
+from masmc_ros.numerics.field import Field
+from masmc_ros.numerics.scalars import minus, moved, plus, selected, zero
+from masmc_ros.numerics.scratch import scratch
+from masmc_ros.numerics.tuples import elementwise, unit
+from masmc_ros.params.declaration import Parameter
+from masmc_ros.robot import mechanism
+
+BASE_LAG = Parameter(
+    'base_lag',
+    0.0,
+    'Time constant with which the base follows cmd_vel, with command_interface hybrid',
+    unit='s',
+    minimum=0.0,
+    maximum=10.0,
+    read_only=False,
+)
+"""Parameter of the controller, and of the plant with its true value."""
+
+SETTINGS = (
+    Field('by_velocity', 'joints', 'Whether a joint follows a commanded velocity', kind='i8'),
+)
+
+_DAMPING = 1e-5
+"""Square of the damping of J_a, in the squared units of J."""
+
+BY_TORQUE, BY_VELOCITY = 'torque', 'velocity'
+"""Values of the tag `base` of settings."""
+
+
+class Carried(NamedTuple):
+    """Reference motion of a law, and the commanded velocities."""
+
+    velocity: Numbers
+    acceleration: Numbers
+    command: Numbers
+
+
+@formula
+def _motion(model: Any, command: Numbers) -> Numbers:
+    """Return velocities of the mechanism from the coordinates of commands."""
+    return mechanism.motion(model, mechanism.commanded_joint_rates(model, command))
+
+
+@kernel
+def arm_rates(model: Any, posture: Any, mask: Any, missing: Numbers, template: Numbers) -> Numbers:
+    """
+    Return rates of the arm with J_a a = missing, by damped least squares; those of the base are 0.
+
+    `mask` (joints) is 1 for joints of the base, `missing` (axes) a task velocity.
+
+    """
+    size, m = len(template), len(missing)
+    columns, work, right = scratch(size, m), scratch(m, m + 1), array_of(missing)
+    for i in range(m):
+        for j in range(m):
+            work[i, j] = _DAMPING if i == j else 0.0
+        work[i, m] = right[i]
+    for k in range(size):
+        rates = _motion(model, unit(template, k))
+        write_part(columns, k, 0, mechanism.task_velocity(model, posture, rates))
+        share = 0.0 if mask[k] != 0 else 1.0
+        for i in range(m):
+            columns[k, i] *= share
+        for i in range(m):
+            for j in range(m):
+                work[i, j] += columns[k, i] * columns[k, j]
+    solve_definite(m, work)
+    out = scratch(size)
+    for k in range(size):
+        total = 0.0
+        for i in range(m):
+            total += columns[k, i] * work[i, m]
+        out[k] = total
+    return to_vector(out, template)
+
+
+@formula
+def _approached(command: float, rate: float, lag: float, otherwise: float) -> float:
+    """Return the acceleration of a base under the last command."""
+    return (command - rate) / lag if lag > 0.0 else otherwise
+
+
+@formula
+def _derivative(damped: float, rate: float, reference: float, damping: float) -> float:
+    """Return d(v_r)/dt, from a_r = d(v_r)/dt - damping (v - v_r)."""
+    return damped + damping * (rate - reference)
+
+
+@formula
+def _damped(derivative: float, rate: float, reference: float, damping: float) -> float:
+    return derivative - damping * (rate - reference)
+
+
+@formula
+def _only(mask: int, value: float) -> float:
+    return value if mask != 0 else 0.0
+
+
+@formula
+def _carried(
+    settings: Settings,
+    posture: Any,
+    v: Numbers,
+    v_r: Numbers,
+    a_r: Numbers,
+    commanded: Numbers,
+) -> Carried:
+    model, mask = mechanism.model_of(settings), settings.by_velocity
+    lag, damping = settings.base_lag, mechanism.reference_damping(model)
+    rates, wanted = mechanism.rate_command(model, v), mechanism.rate_command(model, v_r)
+    change = elementwise(
+        _derivative, mechanism.rate_command(model, a_r), rates, wanted, damping
+    )
+    lead = 0.5 * settings.period + lag
+    command = elementwise(_only, mask, elementwise(moved, wanted, change, lead))
+    acceleration = elementwise(_approached, commanded, rates, lag, change)
+    late = elementwise(_only, mask, elementwise(minus, wanted, rates))
+    late_change = elementwise(_only, mask, elementwise(minus, change, acceleration))
+    missing = mechanism.task_velocity(model, posture, _motion(model, late))
+    missing_change = mechanism.task_velocity(model, posture, _motion(model, late_change))
+    more = arm_rates(model, posture, mask, missing, rates)
+    more_change = arm_rates(model, posture, mask, missing_change, rates)
+    followed = elementwise(selected, mask, rates, elementwise(plus, wanted, more))
+    change = elementwise(selected, mask, acceleration, elementwise(plus, change, more_change))
+    damped = elementwise(_damped, change, rates, followed, damping)
+    return Carried(_motion(model, followed), _motion(model, damped), command)
+
+
+@formula
+def _not_carried(
+    settings: Settings,
+    posture: Any,
+    v: Numbers,
+    v_r: Numbers,
+    a_r: Numbers,
+    commanded: Numbers,
+) -> Carried:
+    return Carried(v_r, a_r, commanded)
+
+
+@formula
+def _surface_of_arm(
+    settings: Settings, posture: Any, v: Numbers, v_r: Numbers, s: Numbers
+) -> Numbers:
+    model = mechanism.model_of(settings)
+    return mechanism.task_velocity(model, posture, elementwise(minus, v, v_r))
+
+
+@formula
+def _surface_of_all(
+    settings: Settings, posture: Any, v: Numbers, v_r: Numbers, s: Numbers
+) -> Numbers:
+    model = mechanism.model_of(settings)
+    return mechanism.reachable_surface(model, posture, v, v_r, s)
+
+
+@formula
+def _torque_of_arm(settings: Settings, memory: Memory, command: Numbers, raw: Numbers) -> Any:
+    memory.velocity_command = command
+    mask = settings.by_velocity
+    return elementwise(selected, mask, elementwise(zero, raw), raw)
+
+
+@formula
+def _torque_of_all(settings: Settings, memory: Memory, command: Numbers, raw: Numbers) -> Any:
+    return raw
+
+
+@formula
+def _drift_of_arm(settings: Settings, memory: Memory, posture: Any) -> None:
+    model, mask = mechanism.model_of(settings), settings.by_velocity
+    drift = mechanism.rate_command(model, memory.drift)
+    drift = elementwise(selected, mask, elementwise(zero, drift), drift)
+    seen = mechanism.task_velocity(model, posture, _motion(model, drift))
+    drift = elementwise(minus, drift, arm_rates(model, posture, mask, seen, drift))
+    memory.drift = _motion(model, drift)
+
+
+@formula
+def _drift_of_all(settings: Settings, memory: Memory, posture: Any) -> None:
+    pass
+
+
+@formula
+def _yes(settings: Settings) -> bool:
+    return True
+
+
+@formula
+def _no(settings: Settings) -> bool:
+    return False
+
+
+_FORMULAS = {
+    BY_TORQUE: SimpleNamespace(
+        carried=_not_carried,
+        surface=_surface_of_all,
+        commanded_torque=_torque_of_all,
+        restrict_drift=_drift_of_all,
+        moves_by_velocity=_no,
+    ),
+    BY_VELOCITY: SimpleNamespace(
+        carried=_carried,
+        surface=_surface_of_arm,
+        commanded_torque=_torque_of_arm,
+        restrict_drift=_drift_of_arm,
+        moves_by_velocity=_yes,
+    ),
+}
+
+_dispatch = interface(by_tag('base', _FORMULAS.__getitem__))
+
+
+@_dispatch
+def carried(
+    settings: Settings,
+    posture: Any,
+    v: Numbers,
+    v_r: Numbers,
+    a_r: Numbers,
+    commanded: Numbers,
+) -> Carried:
+    """
+    Return the reference motion on a base that follows velocities, otherwise the same one.
+
+    `commanded` are the velocities commanded at the last tick.
+    """
+
+
+@_dispatch
+def surface(settings: Settings, posture: Any, v: Numbers, v_r: Numbers, s: Numbers) -> Numbers:
+    """Return the part of the sliding surface that joints with torques can reduce."""
+
+
+@_dispatch
+def commanded_torque(
+    settings: Settings, memory: Memory, command: Numbers, raw: Numbers
+) -> Numbers:
+    """Store the commanded velocities; return the torques without those of the base."""
+
+
+@_dispatch
+def restrict_drift(settings: Settings, memory: Memory, posture: Any) -> None:
+    """Restrict the estimated drift to the motion of the arm that the task does not see."""
+
+
+@_dispatch
+def moves_by_velocity(settings: Settings) -> bool:
+    """Return True if the base follows velocities, with unknown torques."""

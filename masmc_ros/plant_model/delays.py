@@ -1,0 +1,86 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Delays of measurements and commands in whole ticks, with jitter.
+
+A delay is uniform on the whole numbers from its smallest to its largest, by seed and tick. Values
+never arrive in another order: one that a later value has overtaken is lost.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from masmc_ros.numerics.arrays import read_part, write_part
+from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.lanes import lane_of
+from masmc_ros.numerics.portable_random import uniform
+from masmc_ros.numerics.record import lane_count
+from masmc_ros.numerics.scalars import zero
+from masmc_ros.numerics.tuples import elementwise
+
+OF_MEASUREMENT, OF_COMMAND = 0, 1
+"""Streams of random numbers."""
+
+
+@formula
+def newest(seed: int, tick: int, stream: int, largest: int, span: int, last: int) -> int:
+    """
+    Return the tick of the newest value that has arrived at a tick.
+
+    Parameters
+    ----------
+    seed, stream
+        Sequence of random numbers.
+    tick
+        Current tick.
+    largest, span
+        Largest delay in ticks, and by how many ticks a delay can be shorter.
+    last
+        The result of the previous tick, a lower bound.
+
+    """
+    arrived = tick - largest + int(uniform(seed, tick, stream) * (span + 1))
+    return arrived if arrived > last else last
+
+
+@formula
+def receive(
+    plant: Any, memory: Any, delay_line: Any, tick: int, signals: Any, holds: bool
+) -> None:
+    """
+    Write the command that has arrived at a tick into the memory: zeros if `holds`.
+
+    The first command, also that after a void one, acts without delay. `delay_line` contains the
+    commands after the measurements of `measurement.measure`.
+    """
+    lanes, longest = lane_count(plant), 0
+    for lane in range(lanes):
+        longest = max(longest, lane_of(plant, lane).command_delay)
+    for lane in range(lanes):
+        torque, rates = lane_of(signals, lane).torque, lane_of(signals, lane).rates
+        lane_of(memory, lane).torque = elementwise(zero, torque) if holds else torque
+        lane_of(memory, lane).commanded_rates = elementwise(zero, rates) if holds else rates
+    if holds:
+        for lane in range(lanes):
+            lane_of(memory, lane).acting = tick + 1
+    elif longest > 0:
+        for lane in range(lanes):
+            robot, state = lane_of(plant, lane), lane_of(memory, lane)
+            _delay_command(robot, state, lane_of(delay_line, lane), tick)
+
+
+@formula
+def _delay_command(plant: Any, memory: Any, delay_line: Any, tick: int) -> None:
+    torque, rates = memory.torque, memory.commanded_rates
+    delay = plant.command_delay
+    first = 2 * len(memory.position)
+    second = first + len(torque)
+    write_part(delay_line, tick % (delay + 1), first, torque)
+    write_part(delay_line, tick % (delay + 1), second, rates)
+    acting = newest(plant.seed, tick, OF_COMMAND, delay, plant.command_delay_span, memory.acting)
+    memory.acting = acting
+    memory.torque = read_part(delay_line, acting % (delay + 1), first, torque)
+    rates = read_part(delay_line, acting % (delay + 1), second, rates)
+    memory.commanded_rates = rates

@@ -1,0 +1,108 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Hybrid commands with late odometry, and a jump of the frame of the path."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import NamedTuple
+
+from masmc_ros.loop.controller import Controller
+from masmc_ros.loop.simulated_robot import plant_of
+from masmc_ros.params.scenario import load_scenario
+from masmc_ros.reference.approach import Approach
+from masmc_ros.reference.trajectory import Trajectory
+from masmc_ros.robot.base_pose import BasePose, Wheels
+from masmc_ros.robot.robot import robot_of
+import numpy as np
+from numpy.typing import NDArray
+
+PAPER = str(Path(__file__).parents[2] / 'config' / 'paper.yaml')
+SETTINGS = (
+    'plant.command_interface=hybrid',
+    'controller.command_interface=hybrid',
+    'plant.base_lag=0.1',
+    'controller.base_lag=0.1',
+    'controller.switching=implicit',
+    'controller.observer_gain=0.5',
+)
+EVERY, LATE = 20, 20
+"""Ticks of 1 ms between two odometry messages, and their age in ticks."""
+
+JUMP, AT = 0.05, 5000
+"""Distance in m and tick of the jump."""
+
+
+class Result(NamedTuple):
+    """Errors (n, 4) in m, torques (n, 4) in N m and velocities (n, 7) of all ticks."""
+
+    error: NDArray[np.float64]
+    torque: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+
+
+def transform(x: float) -> NDArray[np.float64]:
+    return np.array([x, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+
+
+def run(*, ticks: int = 7000, jump: float = 0.0, approaches: bool = True) -> Result:
+    """Run with a pose from late odometry, in a frame that jumps along x."""
+    values = load_scenario(PAPER, SETTINGS)
+    plant, control = plant_of(values['plant'], 0.001), values['controller']
+    controller = Controller(robot_of(control), 0.001, control)
+    robot = controller.robot
+    samples = Trajectory(values['trajectory'], 0.001, robot).sample(0, ticks)
+    wheels, approach = Wheels(robot), Approach(robot, control['approach_speed'])
+    base, past = BasePose(wheels), []
+    base.correct(transform(0.0))
+    result = Result(np.empty((ticks, 4)), np.empty((ticks, 4)), np.empty((ticks, 7)))
+    for k in range(ticks):
+        position, velocity = plant.position.copy(), plant.velocity.copy()
+        past.append((plant.position.copy(), plant.velocity.copy()))
+        wheels.add(k * 1_000_000, position)
+        if k % EVERY == 0:
+            sent = max(0, k - LATE)
+            state = [array[None] for array in past[sent]]
+            pose, twist = robot.mechanism.formulas.base_motion(*state)
+            base.update(sent * 1_000_000, pose[0], twist[0])
+        if k == AT:
+            base.correct(transform(jump))
+        base.write(k * 1_000_000, position, velocity)
+        if base.has_jumped and approaches:
+            approach.begin()
+            controller.skip(0)
+        base.has_jumped = False
+        reference = samples[k]
+        if approach.is_on:
+            rates = controller.rates(velocity)
+            reference = approach.follow(k * 1_000_000, position, rates, reference)
+        controller.tick(position, velocity, reference)
+        true = plant.true_position.copy()
+        true[0] += jump if k >= AT else 0.0
+        result.error[k] = robot.task_positions(true[None])[0] - samples[k, :4]
+        result.torque[k], result.velocity[k] = controller.torque, plant.true_velocity
+        plant.advance(controller.command)
+    return result
+
+
+def test_hybrid_late_odometry_tip_stays_accurate() -> None:
+    error = 1e3 * run().error[AT:, :2]
+    assert math.sqrt((error**2).sum(axis=1).mean()) < 0.04
+
+
+def test_jump_of_frame_causes_no_peak_of_torque_or_speed() -> None:
+    calm, jumped, steps = run(), run(jump=JUMP), run(jump=JUMP, approaches=False)
+    torques, speeds = (
+        [np.abs(values[AT:]).max(axis=0) for values in (calm, jumped, steps)]
+        for calm, jumped, steps in (
+            (calm.torque, jumped.torque, steps.torque),
+            (calm.velocity, jumped.velocity, steps.velocity),
+        )
+    )
+    assert (torques[1] <= 2.0 * torques[0] + 0.1).all()
+    assert (speeds[1] <= 1.2 * speeds[0] + 0.5).all()
+    # Without an approach the law answers to the distance at once.
+    assert torques[2].max() > 10.0 * torques[1].max()
+    assert np.abs(jumped.error[-1]).max() < 2e-3

@@ -1,0 +1,230 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Third-party robot in real time: some joints in another order, odometry, its own clock."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import Twist
+from helpers.processes import PAPER, Peer
+from masmc_ros.loop.simulated_robot import SimulatedRobot
+from masmc_ros.messages.commands import EffortCdr
+from masmc_ros.messages.names import JOINTS
+from masmc_ros.messages.transforms import TransformsCdr
+from masmc_ros.nodes.middleware.raw_types import raw_class
+from masmc_ros.params.scenario import load_scenario
+from masmc_ros.robot.robot import robot_of
+from masmc_ros.robot.two_link.platform_motion import base_motion as platform_motion
+from nav_msgs.msg import Odometry
+import numpy as np
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, String
+
+PERIOD = 0.005
+LATE = 0.03
+"""Age of states in s when they are sent."""
+
+ORDER = [6, 3, 5, 4]
+"""Driven joints in the order of the robot's messages."""
+
+MOST_TICKS = 4
+"""Maximum number of ticks to catch up; after longer delays of the test robot time is lost."""
+
+WATCHDOG = 0.1
+"""Time in s without a command after which the drives hold zero velocity."""
+
+class ForeignRobot:
+    """
+    Simulated robot in real time that publishes a state every period.
+
+    Attributes
+    ----------
+    velocities
+        function from velocities in the joints' order to those in the message.
+    is_on
+        whether the robot advances.
+    publishes_pose
+        whether the robot publishes odometry.
+    torques
+        all commanded torques, N·m.
+    answered
+        stamps in ns of the states that the torques answer.
+    wrong
+        commands that are not finite numbers for the joints.
+    correction
+        transform (7) from `map` to `odom` of a hybrid robot.
+    publishes_states
+        whether the robot publishes joint states.
+    velocities_seen
+        true velocities (7) at all times.
+
+    """
+
+    def __init__(self, tester: Peer, *, is_hybrid: bool = False, settings: Any = ()) -> None:
+        """
+        Initialise the robot, and publish until the tester ends.
+
+        With `is_hybrid` it takes a twist for the base and torques of the arm. It then publishes
+        odometry at every fourth period, one period late, and the transform from `map` to `odom`.
+        """
+        # The robot is at rest until the first command.
+        calm = ('plant.disturbance.amplitude=[0.0, 0.0, 0.0, 0.0]',)
+        hybrid = ('plant.command_interface=hybrid',) if is_hybrid else ()
+        values = load_scenario(str(PAPER), (*calm, *hybrid, *settings))['plant']
+        self._robot = SimulatedRobot(robot_of(values), PERIOD, values)
+        self._start = time.monotonic()
+        self._is_hybrid = is_hybrid
+        self._command = EffortCdr(JOINTS[5:]) if is_hybrid else EffortCdr()
+        self._torque, self._twist = np.zeros(2 if is_hybrid else 4), np.zeros(2)
+        self._posed = np.zeros(7), np.zeros(7), 0
+        self.correction = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+        self.publishes_states = True
+        self.velocities_seen: list[np.ndarray] = []
+        self._commanded = self._start
+        self._states = tester.publisher(JointState, 'joint_states')
+        self._odometry = tester.publisher(Odometry, 'odom')
+        self.velocities: Any = lambda velocity: []
+        self.is_on = self.publishes_pose = True
+        self.torques: list[np.ndarray] = []
+        self.answered: list[int] = []
+        self.wrong: list[bytes] = []
+        tester.subscribe(Float64MultiArray, 'effort_commands', self._on_command, raw=True)
+        if is_hybrid:
+            self._transforms = TransformsCdr('', (('map', 'odom'),))
+            self._tf = tester.publisher(raw_class('tf2_msgs/msg/TFMessage'), '/tf')
+            tester.subscribe(Twist, 'cmd_vel', self._on_twist)
+        tester.node.create_timer(PERIOD, self._advance)
+
+    @property
+    def task_position(self) -> np.ndarray:
+        """Return the task coordinates (4) in the frame `map`, of a correction without rotation."""
+        position = self._robot.true_position.copy()
+        position[:2] += self.correction[:2]
+        return self._robot.robot.task_positions(position[None])[0]
+
+    def _on_twist(self, message: Twist) -> None:
+        self._twist = np.array([message.linear.x, message.angular.z])
+
+    def _on_command(self, raw: bytes) -> None:
+        if self._command.load(raw):
+            self._torque = self._command.data.copy()
+            self._commanded = time.monotonic()
+            self.torques.append(self._torque)
+            self.answered.append(self._command.stamp_ns or 0)
+        else:
+            self.wrong.append(raw)
+
+    def _advance(self) -> None:
+        """Advance the robot to the current time and publish its state."""
+        if not self.is_on:
+            return
+        ticks = int((time.monotonic() - self._start) / PERIOD)
+        if ticks <= self._robot.tick:
+            return
+        lost = max(0, ticks - self._robot.tick - MOST_TICKS)
+        self._start += lost * PERIOD
+        # The drives hold zero velocity without a command, as those of real robots do.
+        is_held = time.monotonic() - self._commanded > WATCHDOG
+        twist = self._twist if self._is_hybrid else self._twist[:0]
+        while self._robot.tick < ticks - lost:
+            command = np.concatenate([twist, self._torque])
+            self._robot.advance(None if is_held else command)
+        self.velocities_seen.append(self._robot.true_velocity.copy())
+        stamp = time.time_ns() - round((0.0 if self._is_hybrid else LATE) * 1e9)
+        if self._is_hybrid:
+            self._publish_base(stamp)
+        elif self.publishes_pose:
+            self.publish_pose(stamp)
+        if self.publishes_states:
+            self.publish_state(stamp)
+
+    def _publish_base(self, stamp: int) -> None:
+        """Publish odometry of the last period at every fourth, and the transform of its frame."""
+        if self._robot.tick % 4 == 0 and self.publishes_pose:
+            self.publish_pose(self._posed[2], *self._posed[:2])
+            self._tf.publish(self._transforms.fill(stamp, self.correction[None]))
+        self._posed = self._robot.position.copy(), self._robot.velocity.copy(), stamp
+
+    def publish_state(self, stamp: int) -> None:
+        state = JointState(name=['gripper', *(JOINTS[i] for i in ORDER)])
+        state.header.stamp.sec, state.header.stamp.nanosec = divmod(stamp, 10**9)
+        state.position = [0.5, *self._robot.position[ORDER].tolist()]
+        state.velocity = self.velocities([0.0, *self._robot.velocity[ORDER].tolist()])
+        self._states.publish(state)
+
+    def publish_pose(self, stamp: int, position: Any = None, velocity: Any = None) -> None:
+        position = self._robot.position if position is None else position
+        velocity = self._robot.velocity if velocity is None else velocity
+        poses, twists = platform_motion(position[None], velocity[None])
+        message = Odometry()
+        message.header.frame_id, message.child_frame_id = 'odom', 'base_link'
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
+        pose, twist = message.pose.pose, message.twist.twist
+        pose.position.x, pose.position.y = poses[0, :2].tolist()
+        pose.orientation.z, pose.orientation.w = poses[0, 5:].tolist()
+        twist.linear.x, twist.angular.z = float(twists[0, 0]), float(twists[0, 5])
+        self._odometry.publish(message)
+
+
+class Watched(ForeignRobot):
+    """
+    Robot with the messages of its controller.
+
+    Attributes
+    ----------
+    controller_states
+        texts of `controller/state`.
+    health
+        latest report of the controller.
+    errors
+        tracking errors in m.
+
+    """
+
+    def __init__(self, tester: Peer, *, is_hybrid: bool = False) -> None:
+        super().__init__(tester, is_hybrid=is_hybrid)
+        self.tester = tester
+        self.controller_states: list[str] = []
+        self.health: dict[str, str] = {}
+        self._reported = 0
+        self.errors: list[np.ndarray] = []
+        tester.subscribe(
+            String, 'controller/state', lambda m: self.controller_states.append(m.data)
+        )
+        tester.subscribe(DiagnosticArray, '/diagnostics', self._on_health)
+        tester.subscribe(
+            Float64MultiArray,
+            'controller/tracking_error',
+            lambda m: self.errors.append(np.array(m.data[2:])),
+            past=False,
+        )
+
+    def figure(self, name: str) -> float:
+        return float(self.health.get(name, 'nan'))
+
+    def reported(self, name: str) -> float:
+        """Return a figure of the next report."""
+        now = time.time_ns()
+        self.tester.until(lambda: self._reported > now, 'a report')
+        return self.figure(name)
+
+    def moves_on(self, count: int = 300) -> None:
+        """Wait for more than `count` further torques."""
+        previous = len(self.torques)
+        self.tester.until(
+            lambda: (
+                len(self.torques) > previous + count and self.controller_states[-1:] == ['active']
+            ),
+            lambda: f'torques; {self.controller_states}, {self.health}',
+        )
+
+    def _on_health(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            if status.name.endswith('controller'):
+                self.health = {pair.key: pair.value for pair in status.values}
+                stamp = message.header.stamp
+                self._reported = stamp.sec * 10**9 + stamp.nanosec

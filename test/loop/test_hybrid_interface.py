@@ -1,0 +1,139 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Hybrid command interface: the base follows velocities, the arm torques."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from helpers.small_tree import parameters, START
+from masmc_ros.errors import InputError
+from masmc_ros.law.command_interface import by_velocity
+from masmc_ros.law.parts.moving_base import arm_rates
+from masmc_ros.loop.controller_events import DEACTIVATED
+from masmc_ros.loop.simulated_robot import plant_of
+from masmc_ros.loop.simulation import Simulation
+from masmc_ros.loop.tick_block import Change, TickBlock
+from masmc_ros.params.node_parameters import declared
+from masmc_ros.params.scenario import load_scenario
+from masmc_ros.robot import mechanism
+from masmc_ros.robot.mechanisms import mechanism_from
+from masmc_ros.robot.robot import robot_of
+from masmc_ros.robot.two_link.geometry import Geometry
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PAPER, TIAGO = (str(ROOT / 'config' / f'{name}.yaml') for name in ('paper', 'tiago'))
+HYBRID = (
+    'plant.command_interface=hybrid',
+    'controller.command_interface=hybrid',
+    'controller.switching=implicit',
+    'controller.observer_gain=0.5',
+)
+LAG = 'plant.base_lag=0.1', 'controller.base_lag=0.1'
+
+
+def run(*settings: str, file: str = PAPER) -> tuple[Simulation, TickBlock]:
+    """Return a simulation, and its run in one block."""
+    simulation = Simulation(load_scenario(file, (*HYBRID, *settings)))
+    (block,) = simulation.run(block=30_000)
+    return simulation, block
+
+
+def rms(simulation: Simulation, block: TickBlock, *axes: int) -> float:
+    """Return the RMS distance over the second half on some axes, in thousandths."""
+    error = block.true_error(simulation.plant.robot)[len(block) // 2:, axes]
+    return 1e3 * float(np.sqrt((error**2).sum(axis=1).mean()))
+
+
+def test_hybrid_lagging_base_tip_is_as_accurate_as_with_torques() -> None:
+    simulation, block = run(*LAG, 'duration=10.0')
+    assert rms(simulation, block, 0, 1) < 0.03
+    assert rms(simulation, block, 2, 3) < 0.12
+    assert not block.torque[:, :2].any()
+    assert not block.rates[:, 2:].any()
+
+
+def test_hybrid_known_lag_base_follows_more_closely() -> None:
+    errors = [
+        rms(*run('plant.base_lag=0.3', f'controller.base_lag={lag}', 'duration=10.0'), 2, 3)
+        for lag in (0.0, 0.3)
+    ]
+    assert errors[1] < 0.8 * errors[0]
+
+
+def test_base_lag_step_response_is_first_order() -> None:
+    values = load_scenario(
+        PAPER,
+        (
+            'plant.command_interface=hybrid',
+            'plant.base_lag=0.2',
+            'plant.disturbance.amplitude=[0.0, 0.0, 0.0, 0.0]',
+            'plant.velocity_loop.bandwidth=500.0',
+            'plant.torque_limit=[0.0, 0.0, 0.0, 0.0]',
+        ),
+    )['plant']
+    plant = plant_of(values, 0.001)
+    for k in range(1, 601):
+        plant.advance(np.array([0.3, 0.0, 0.0, 0.0]))
+        speed = np.hypot(*plant.true_velocity[:2])
+        if k >= 20:
+            assert speed == pytest.approx(0.3 * (1.0 - np.exp(-0.001 * k / 0.2)), abs=3e-3)
+
+
+def test_arm_rates_produce_missing_task_velocity_within_damping() -> None:
+    model = Geometry(0.05, 0.2, 0.1, 0.4, 0.3)
+    position = 0.1, -0.2, 0.4, 0.0, 0.0, 0.7, -1.2
+    posture = mechanism.posture(model, position)
+    mask, missing = np.array([1, 1, 0, 0]), (0.05, -0.02, 0.0, 0.0)
+    rates = arm_rates(model, posture, mask, missing, (0.0,) * 4)
+    motion = mechanism.motion(model, mechanism.commanded_joint_rates(model, rates))
+    reached = mechanism.task_velocity(model, posture, motion)
+    np.testing.assert_allclose(reached, missing, atol=5e-5)
+    assert rates[:2] == (0.0, 0.0)
+
+
+def test_hybrid_fixed_arm_raises() -> None:
+    fixed_base = {'robot.base': 'fixed', 'robot.wheels': (), 'robot.posture': (0.0,)}
+    values = {**parameters(), **fixed_base}
+    fixed = mechanism_from(values)
+    with pytest.raises(InputError, match='no base'):
+        by_velocity({'command_interface': 'hybrid'}, fixed)
+
+
+def test_hybrid_safe_stop_arm_holds_base_rests() -> None:
+    calm = 'plant.disturbance.amplitude=[0.0, 0.0, 0.0, 0.0]'
+    values = load_scenario(PAPER, (*HYBRID, *LAG, calm, 'duration=3.0'))
+    (block,) = Simulation(values, [Change(1500, {}, DEACTIVATED)]).run()
+    assert np.abs(block.true_velocity[-1]).max() < 0.02
+    assert not block.torque[:, :2].any()
+    assert block.torque[1600, 2:].any()
+
+
+def test_hybrid_base_of_tree_follows_twist() -> None:
+    values = parameters()
+    defaults = {p.name: p.default for p in declared('plant', mechanism_from(values))}
+    plant = plant_of(
+        {
+            **defaults,
+            **values,
+            'initial_joints': START,
+            'disturbance.amplitude': (0.0,) * 7,
+            'command_interface': 'hybrid',
+        },
+        0.001,
+    )
+    robot = robot_of({**defaults, **values})
+    assert robot.mechanism.twist
+    for _ in range(500):
+        plant.advance(np.array([0.2, 0.3, 0.0, 50.0, 0.0, 0.0, 0.0]))
+    assert np.hypot(*plant.true_velocity[:2]) == pytest.approx(0.2, rel=0.05)
+    assert plant.true_velocity[2] == pytest.approx(0.3, rel=0.05)
+
+
+@pytest.mark.slow
+def test_hybrid_tiago_lagging_base_tip_is_accurate() -> None:
+    simulation, block = run(*LAG, 'duration=10.0', file=TIAGO)
+    assert rms(simulation, block, 0, 1, 2) < 0.05

@@ -1,0 +1,276 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Delays of commands, jitter, motor lag, stiction and missing velocities of the plant."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+from helpers.robots import Array, between, PROPERTY
+from helpers.small_tree import parameters, START
+from hypothesis import given
+from hypothesis import strategies as st
+from masmc_ros.errors import InputError
+from masmc_ros.loop.batch_simulation import BatchSimulation
+from masmc_ros.loop.simulated_robot import plant_of, SimulatedRobot
+from masmc_ros.loop.simulation import Simulation
+from masmc_ros.params.node_parameters import declared
+from masmc_ros.params.scenario import load_scenario
+from masmc_ros.plant_model.delays import newest
+from masmc_ros.plant_model.stiction import bristle_gains, stuck
+from masmc_ros.robot.mechanisms import mechanism_from
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PAPER = str(ROOT / 'config' / 'paper.yaml')
+CALM = (
+    'plant.disturbance.amplitude=[0.0, 0.0, 0.0, 0.0]',
+    'plant.torque_limit=[0.0, 0.0, 0.0, 0.0]',
+    'plant.torque_rate_limit=0.0',
+)
+EVERYTHING = (
+    'duration=0.2',
+    'plant.measurement_delay=0.003',
+    'plant.command_delay=0.004',
+    'plant.delay_jitter=0.5',
+    'plant.motor_lag=[0.005, 0.005, 0.0, 0.002]',
+    'plant.stiction.torque=[0.2, 0.0, 0.4, 0.3]',
+    'plant.encoder_resolution=0.0001',
+    'plant.measures_velocity=false',
+    'controller.velocity_source=estimated',
+    'controller.observer_gain=0.02',
+    'controller.k_s1=20.0',
+    'controller.k_s2=0.0',
+)
+
+
+def planar(*settings: str) -> SimulatedRobot:
+    """Return the paper's robot without disturbance and limits."""
+    return plant_of(load_scenario(PAPER, (*CALM, *settings))['plant'], 0.001)
+
+
+def applied(plant: SimulatedRobot, commands: Array) -> Array:
+    """Return the torques (n, joints) that the motors apply under commands (n, joints)."""
+    torques = np.empty_like(commands)
+    for k, command in enumerate(commands):
+        plant.advance(command)
+        torques[k] = plant.applied
+    return torques
+
+
+# Delays.
+
+
+@PROPERTY
+@given(st.integers(0, 2**32 - 1), st.integers(0, 20), st.integers(0, 20), st.integers(0, 1))
+def test_newest_value_is_in_order_and_within_jitter(
+    seed: int, largest: int, span: int, stream: int
+) -> None:
+    span, last = min(span, largest), 0
+    for tick in range(60):
+        arrived = newest(seed, tick, stream, largest, span, last)
+        assert arrived >= last
+        assert max(tick - largest, 0) <= arrived <= max(tick - largest + span, last)
+        last = arrived
+
+
+def test_jitter_draws_all_delays_of_its_range() -> None:
+    ages = {k - newest(3, k, 0, 9, 4, 0) for k in range(20, 400)}
+    assert ages == {5, 6, 7, 8, 9}
+
+
+def test_command_delay_applies_earlier_command() -> None:
+    commands = np.arange(80.0).reshape(20, 4) / 80.0
+    torques = applied(planar('plant.command_delay=0.003'), commands)
+    np.testing.assert_array_equal(torques[3:], commands[:-3])
+    np.testing.assert_array_equal(torques[:3], commands[:1].repeat(3, axis=0))
+
+
+def test_command_delay_after_void_command_starts_again() -> None:
+    plant = planar('plant.command_delay=0.003')
+    applied(plant, np.ones((5, 4)))
+    plant.advance(None)
+    assert not plant.applied.any()
+    torques = applied(plant, np.array([[0.5] * 4, [0.6] * 4]))
+    np.testing.assert_array_equal(torques, np.full((2, 4), 0.5))
+
+
+def test_measurement_jitter_state_has_reported_age() -> None:
+    settings = 'duration=0.3', 'plant.measurement_delay=0.004', 'plant.delay_jitter=0.5'
+    (run,) = Simulation(load_scenario(PAPER, (*settings, 'controller.k_s2=0'))).run()
+    ages = run.signals['age'][:, 0]
+    assert set(ages[10:]) == {2, 3, 4, 5, 6}
+    for k in range(10, len(ages)):
+        np.testing.assert_array_equal(run.position[k], run.true_position[k - ages[k]])
+
+
+# Motors.
+
+
+@pytest.mark.parametrize('lag', [0.001, 0.005, 0.1])
+def test_motor_lag_step_response_equals_solution(lag: float) -> None:
+    plant, command = planar(f'plant.motor_lag={lag}'), np.array([0.1, 0.1, 0.5, -0.2])
+    # Mean of 1 - exp(-t / lag) over each period.
+    ends = np.arange(51) * 0.001
+    integral = ends + lag * np.exp(-ends / lag)
+    torques = applied(plant, np.tile(command, (50, 1)))
+    expected = np.diff(integral)[:, None] / 0.001 * command
+    np.testing.assert_allclose(torques, expected, rtol=1e-9, atol=1e-12)
+
+
+def test_motor_lag_robot_moves_as_under_lagging_command() -> None:
+    """A lag is the same as a command that follows it in small steps."""
+    lag, command = 0.01, np.array([0.2, 0.1, 0.4, 0.1])
+    lagging, other = planar(f'plant.motor_lag={lag}'), planar()
+    for k in range(100):
+        lagging.advance(command)
+        middle = 0.001 * (k + 0.5)
+        other.advance(command * (1.0 - math.exp(-middle / lag)))
+    np.testing.assert_allclose(lagging.true_position, other.true_position, rtol=1e-3, atol=1e-6)
+
+
+def test_motor_lag_holding_drives_come_to_rest() -> None:
+    plant = planar('plant.motor_lag=0.005', 'plant.initial_velocity=[1.0, 0.5, 0.4, -0.3]')
+    for _ in range(1000):
+        plant.advance(None)
+    assert np.abs(plant.true_velocity).max() < 1e-3
+
+
+# Stiction.
+
+LEVELS = between(0.01, 20.0)
+
+
+@PROPERTY
+@given(
+    LEVELS,
+    between(0.005, 0.5),
+    between(1e-3, 5.0),
+    st.lists(between(-5.0, 5.0), min_size=5, max_size=40),
+)
+def test_stiction_removes_energy(
+    level: float, velocity: float, inertia: float, rates: list[float]
+) -> None:
+    h = 5e-4
+    stiffness, damping = bristle_gains(level, velocity, inertia, h)
+    deflection, work = 0.0, 0.0
+    for rate in rates:
+        deflection, torque = stuck(deflection, rate, level, velocity, stiffness, damping, h)
+        work += torque * rate * h
+        stored = 0.5 * stiffness * deflection**2
+        assert work + stored <= 1e-12 * (1.0 + abs(work))
+
+
+@PROPERTY
+@given(LEVELS, between(0.005, 0.5), between(-2.0, 2.0))
+def test_stiction_constant_rate_equals_stribeck_curve(
+    level: float, velocity: float, rate: float
+) -> None:
+    stiffness, damping = bristle_gains(level, velocity, 0.5, 5e-4)
+    deflection, torque = 0.0, 0.0
+    rate = math.copysign(max(abs(rate), 1e-3), rate)
+    for _ in range(40_000):
+        deflection, torque = stuck(deflection, rate, level, velocity, stiffness, damping, 5e-4)
+    curve = level / (1.0 + (rate / velocity) ** 2)
+    assert torque == pytest.approx(-math.copysign(curve, rate), rel=1e-3)
+
+
+def test_stiction_holds_joint_until_its_level() -> None:
+    assert_sticks(planar('plant.stiction.torque=[5.0, 5.0, 1.0, 1.0]'))
+
+
+def assert_sticks(plant: SimulatedRobot) -> None:
+    """Assert that joint 3 rests under 0.8 N m, starts before 1.3 N m."""
+    start = plant.true_position[3:].copy()
+    applied(plant, np.linspace(0.0, 0.8, 1000)[:, None] * [0.0, 0.0, 1.0, 0.0])
+    assert np.abs(plant.true_position[3:] - start)[2:].max() < 2e-3
+    applied(plant, np.linspace(0.8, 1.3, 1000)[:, None] * [0.0, 0.0, 1.0, 0.0])
+    assert plant.true_position[5] - start[2] > 0.1
+
+
+# All together.
+
+
+def test_measures_velocity_false_reports_zero_velocities() -> None:
+    plant = planar('plant.measures_velocity=false')
+    applied(plant, np.ones((5, 4)))
+    assert not plant.velocity.any()
+    assert plant.true_velocity.any()
+
+
+def test_measures_velocity_false_with_measured_source_raises() -> None:
+    with pytest.raises(InputError, match='velocity_source'):
+        Simulation(load_scenario(PAPER, ('plant.measures_velocity=false',)))
+
+
+def test_all_effects_tick_by_tick_equals_whole_run_and_lane() -> None:
+    values = load_scenario(PAPER, EVERYTHING)
+    (whole,) = Simulation(values).run()
+    single = Simulation(values)
+    plant, controller = single.plant, single.controller
+    for k in range(len(whole.torque)):
+        np.testing.assert_array_equal(plant.position, whole.position[k])
+        np.testing.assert_array_equal(plant.applied, whole.applied[k])
+        controller.tick(plant.position, plant.velocity, whole.reference[k])
+        np.testing.assert_array_equal(controller.torque, whole.torque[k])
+        plant.advance(controller.torque)
+    ideal = load_scenario(PAPER, ('duration=0.2',))
+    (alone,) = Simulation(ideal).run()
+    for run, lane in zip((whole, alone), (0, 1), strict=True):
+        (together,) = BatchSimulation([values, ideal]).run()
+        for name in ('true_position', 'torque', 'applied', 'age'):
+            expected = run.signals[name][..., 0]
+            np.testing.assert_array_equal(together[name][..., lane], expected, err_msg=name)
+
+
+def test_all_effects_reset_repeats_run_exactly() -> None:
+    again = Simulation(load_scenario(PAPER, EVERYTHING))
+    one, other = (next(iter(again.run())) for _ in range(2))
+    np.testing.assert_array_equal(one.true_position, other.true_position)
+    np.testing.assert_array_equal(one.applied, other.applied)
+
+
+def contact_robot(*settings: str) -> Any:
+    pytest.importorskip('mujoco')
+    return planar('plant.physics=mujoco', *settings)
+
+
+@pytest.mark.slow
+def test_contact_robot_motor_lag_and_delay_apply() -> None:
+    plant = contact_robot('plant.motor_lag=0.005', 'plant.command_delay=0.002')
+    command = np.array([0.1, 0.1, 0.5, -0.2])
+    plant.advance(0.0 * command)
+    ends = np.arange(49) * 0.001
+    expected = np.diff(ends + 0.005 * np.exp(-ends / 0.005))[:, None] / 0.001 * command
+    torques = applied(plant, np.tile(command, (50, 1)))
+    assert not torques[:2].any()
+    np.testing.assert_allclose(torques[2:], expected, rtol=1e-9)
+
+
+@pytest.mark.slow
+def test_contact_robot_stiction_holds_joint_until_its_level() -> None:
+    assert_sticks(contact_robot('plant.stiction.torque=[5.0, 5.0, 1.0, 1.0]'))
+
+
+@pytest.mark.slow
+def test_tree_motor_lag_and_stiction_apply() -> None:
+    values = parameters()
+    defaults = {p.name: p.default for p in declared('plant', mechanism_from(values))}
+    joints = {'initial_joints': START, 'disturbance.amplitude': (0.0,) * 7}
+    # Levels with which stiction carries the weight of the arm.
+    levels = (2.0, 2.0, 2.0, 150.0, 60.0, 20.0, 5.0)
+    effects = {'motor_lag': (0.005,) * 7, 'stiction.torque': levels}
+    plant = plant_of({**defaults, **values, **joints, **effects}, 0.001)
+    command = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.5, 0.0])
+    ends = np.arange(101) * 0.001
+    expected = np.diff(ends + 0.005 * np.exp(-ends / 0.005))[:, None] / 0.001 * command
+    np.testing.assert_allclose(applied(plant, np.tile(command, (100, 1))), expected, rtol=1e-9)
+    start = plant.true_position[3:].copy()
+    applied(plant, np.tile(command, (500, 1)))
+    assert np.abs(plant.true_position[3:] - start).max() < 2e-3
+    applied(plant, np.tile(5.0 * command, (500, 1)))
+    assert plant.true_position[5] - start[2] > 0.1
