@@ -45,6 +45,14 @@ CASES = {
 CLAIMS = dict(zip(CASES, ((0.74, 0.12), (0.8, 0.13), (0.81, 0.32)), strict=True))
 """Documented ratios to the run in C, single and in parallel (docs/development/benchmarks.md)."""
 
+WITH_LATENCY = (
+    'controller.law=smc',
+    'controller.switching=implicit',
+    'controller.latency=0.01',
+    'plant.measurement_delay=0.01',
+)
+"""Settings of a run with compensated latency."""
+
 OWN_CLAIM, TREE_CLAIM, PROCESSES_CLAIM = 0.16, 22.5, 2.0
 """Documented ratios in parallel with separate disturbances, of TIAGo, and of two processes."""
 
@@ -63,9 +71,11 @@ def run_seconds(
     return best
 
 
-def tick_seconds(repeats: int = 100_000) -> tuple[float, float]:
+def tick_seconds(
+    repeats: int = 100_000, settings: tuple[str, ...] = ()
+) -> tuple[float, float]:
     """Return the time of one control tick and of one plant tick from Python, in s."""
-    simulation = Simulation(load_scenario(str(shared_file('config', 'paper.yaml'))))
+    simulation = Simulation(load_scenario(str(shared_file('config', 'paper.yaml')), settings))
     plant, controller = simulation.plant, simulation.controller
     reference = simulation.trajectory.sample(0, 1)[0]
     controller.tick(plant.position, plant.velocity, reference)
@@ -186,5 +196,8 @@ def measures() -> Iterator[Measure]:
     yield reference
     yield compared('the same, two processes', two, '/s', reference, PROCESSES_CLAIM)
     control, plant = tick_seconds()
-    yield Measure('control tick from Python', 1e6 * control, 'us')
+    tick = Measure('control tick from Python', 1e6 * control, 'us')
+    yield tick
+    with_latency = 1e6 * tick_seconds(settings=WITH_LATENCY)[0]
+    yield compared('the same, smc, implicit, latency 10 ms', with_latency, 'us', tick)
     yield Measure('plant tick from Python', 1e6 * plant, 'us')

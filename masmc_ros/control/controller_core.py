@@ -36,6 +36,7 @@ from masmc_ros.control.actions import (
 from masmc_ros.control.layer_watch import LayerWatch
 from masmc_ros.control.pacing import Pacing, PACINGS
 from masmc_ros.control.stamp_order import Order, StampOrder
+from masmc_ros.control.state_lateness import StateLateness
 from masmc_ros.control.supervisor import ACTIVE, FAULT, NO_REFERENCE, Supervisor
 from masmc_ros.errors import InputError, UserError
 from masmc_ros.loop.closed_loop import NOT_FINITE, SINGULAR
@@ -158,6 +159,7 @@ class ControllerCore:
         self._last_tick = math.inf if timing.last is None else timing.last
         self._last_stamp = -1 if timing.last is None else timing.stamp(timing.last)
         self._order = StampOrder()
+        self._lateness = StateLateness()
         self._pending: int | None = None
         self._pending_order = Order.NEXT
         positions = len(controller.mechanism.positions)
@@ -550,6 +552,8 @@ class ControllerCore:
         if approach.is_on:
             rates = controller.rates(velocity)
             reference = approach.follow(stamp, position, rates, reference)
+        if pacing.is_timed and controller.is_compensated:
+            controller.set_lateness(self._lateness.add(stamp, now))
         try:
             status = controller.answer(position, velocity, reference)
             if status & NOT_FINITE:
@@ -674,6 +678,7 @@ class ControllerCore:
             if self._throttle.is_due('gap', now):
                 text = 'states were missing for longer than state_timeout; the controller restarts'
                 self._more.append(Line('warning', text))
+        self._lateness.restart()
         self._pending = None
         self._activation = -1
         self._was_computed = None

@@ -43,6 +43,11 @@ class Settings:
     estimator_bandwidth: float
     enable_stamped_cmd_vel: int
     base_lag: float
+    latency: float
+    motor_lag: float
+    compensation_horizon: float
+    compensation_gain: float
+    compensation_slope: float
 
 
 class Memory:

@@ -29,7 +29,14 @@ from masmc_ros.law.feedback.pid import PID
 from masmc_ros.law.law import Law
 from masmc_ros.law.observing.momentum_observer import MOMENTUM_OBSERVER
 from masmc_ros.law.observing.time_delay import TIME_DELAY
-from masmc_ros.law.parts import adaptation, command_limits, model, moving_base, velocity_estimator
+from masmc_ros.law.parts import (
+    adaptation,
+    command_limits,
+    delay_compensation,
+    model,
+    moving_base,
+    velocity_estimator,
+)
 from masmc_ros.law.plug_in import PlugInLaw
 from masmc_ros.law.rasmc import RASMC
 from masmc_ros.law.rates import RATES
@@ -169,6 +176,7 @@ def shared_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
             *command_limits.PARAMETERS,
             *velocity_estimator.PARAMETERS,
             moving_base.BASE_LAG,
+            *delay_compensation.PARAMETERS,
             COMMAND_INTERFACE,
             ENABLE_STAMPED_CMD_VEL,
         ),

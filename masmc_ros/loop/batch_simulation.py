@@ -78,10 +78,16 @@ class BatchSimulation:
             raise InputError('duration = 0.0: expected a length > 0 s')
         self._trajectory = Trajectory(first['trajectory'], self.timing.period, robot)
         check(law, mechanism, control['switching'])
+        compensated = records.is_compensated(control)
         self._settings = records.law_settings(
-            mechanism, law, control['switching'], lanes, is_hybrid=is_hybrid(control)
+            mechanism,
+            law,
+            control['switching'],
+            lanes,
+            is_hybrid=is_hybrid(control),
+            compensated=compensated,
         )
-        self._learned = records.law_memory(mechanism, law, lanes)
+        self._learned = records.law_memory(mechanism, law, lanes, compensated=compensated)
         self._plant = records.plant_settings(mechanism, lanes)
         self._state = records.plant_memory(mechanism, lanes)
         self._now = records.signals(mechanism, lanes)
@@ -105,6 +111,8 @@ class BatchSimulation:
         write_start(self._state, robot_of(plant), plant, lane)
         nominal = robot_of(control)
         records.write_law(self._settings, nominal, period, control, lane)
+        if records.is_compensated(control):
+            fill(self._settings, 'stamp_age', self._plant['delay'][0, lane] * period, lane)
         fill(self._learned, 'estimate', control['model_scale'] * nominal.theta, lane)
 
     def run(self, block: int = BLOCK) -> Iterator[NDArray[np.void]]:
@@ -146,3 +154,9 @@ def _check_alike(runs: Sequence[Mapping[str, Values]]) -> None:
                         f'{node}.{name} = {run[node][name]}: expected {first[node][name]}, as in '
                         'the other runs that are computed with it'
                     )
+        compensated = records.is_compensated(run['controller'])
+        if compensated != records.is_compensated(first['controller']):
+            raise InputError(
+                'controller.latency: expected a latency > 0 in all runs that are computed '
+                'together, or in none'
+            )

@@ -26,14 +26,16 @@ from __future__ import annotations
 from typing import Any
 
 from masmc_ros.law import law
+from masmc_ros.law.parts import delay_compensation
 from masmc_ros.law.parts.command_limits import within_limits
+from masmc_ros.law.parts.delay_compensation import State
 from masmc_ros.law.parts.velocity_estimator import estimate_rates
 from masmc_ros.loop.control import control
 from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.numerics.record import copied, copy_to, lane_count
-from masmc_ros.numerics.tuples import dot, elementwise
+from masmc_ros.numerics.tuples import dot, elementwise, joined, tail, thirds
 from masmc_ros.plant_model.tick import (
     advance,
     drive_step,
@@ -107,6 +109,35 @@ def estimate_velocity(settings: Any, memory: Any, signals: Any) -> None:
     model = mechanism.model_of(gains)
     posture = mechanism.posture(model, row.position)
     row.velocity = mechanism.position_rates(model, posture, state.rates)
+
+
+@kernel
+def predict_state(settings: Any, memory: Any, signals: Any, predicted: Any) -> None:
+    """
+    Compensate latency for a plain-Python law.
+
+    Reads the measured state and its reference in `signals` and writes those for the law into
+    `predicted`.
+    """
+    gains, memory_lane = lane_of(settings[0], 0), lane_of(memory[0], 0)
+    measured, row = lane_of(signals[0], 0), lane_of(predicted[0], 0)
+    x, v, a = thirds(measured.reference)
+    rates = tail(measured.velocity, memory_lane.rates)
+    state = State(measured.position, rates, measured.velocity, (x, v, a))
+    state = delay_compensation.state_of_torque(gains, memory_lane, state)
+    row.position, row.velocity = state.position, state.position_rates
+    row.reference = joined(joined(state.desired[0], state.desired[1]), state.desired[2])
+    row.error = delay_compensation.error(gains, memory_lane, x, v, measured.error)
+
+
+@kernel
+def reduce_torque(settings: Any, memory: Any, signals: Any, predicted: Any) -> None:
+    """Reduce `raw_torque` of a plain-Python law by the estimated disturbance."""
+    gains, row = lane_of(settings[0], 0), lane_of(signals[0], 0)
+    posture = mechanism.posture(mechanism.model_of(gains), lane_of(predicted[0], 0).position)
+    row.raw_torque = delay_compensation.reduced_torque(
+        gains, lane_of(memory[0], 0), posture, row.raw_torque
+    )
 
 
 @kernel

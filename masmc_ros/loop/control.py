@@ -9,8 +9,9 @@ from typing import Any
 
 from masmc_ros.law import law
 from masmc_ros.law.fields import Memory, Settings
-from masmc_ros.law.parts import moving_base, velocity_estimator
+from masmc_ros.law.parts import delay_compensation, moving_base, velocity_estimator
 from masmc_ros.law.parts.command_limits import within_limits
+from masmc_ros.law.parts.delay_compensation import State
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.velocity_estimator import estimate_rates, ESTIMATED, note_disturbance
 from masmc_ros.law.tick import tick_of
@@ -49,7 +50,7 @@ def control(settings: Any, memory: Any, signals: Any) -> None:
     for lane in range(lanes):
         estimated += lane_of(settings, lane).velocity_source == ESTIMATED
     # A vectorised loop computes all lanes or none.
-    estimators = lanes if estimated > 0 else 0
+    estimators = 0 if estimated == 0 or delay_compensation.is_on(settings) else lanes
     for lane in range(estimators):
         gains, state = lane_of(settings, lane), lane_of(memory, lane)
         if gains.velocity_source == ESTIMATED:
@@ -71,44 +72,57 @@ def control(settings: Any, memory: Any, signals: Any) -> None:
 @inlined
 def _control(settings: Settings, memory: Memory, signals: Any) -> None:
     """Compute one tick of one lane."""
-    position = signals.position
     before = memory.commanded
     model = mechanism.model_of(settings)
-    posture = mechanism.posture(model, position)
     measured = tail(signals.velocity, before)
     is_estimated = settings.velocity_source == ESTIMATED
-    rates = elementwise(_chosen, is_estimated, memory.rates, measured)
+    state = delay_compensation.state_of_torque(
+        settings,
+        memory,
+        State(
+            signals.position,
+            elementwise(_chosen, is_estimated, memory.rates, measured),
+            signals.velocity,
+            thirds(signals.reference),
+        ),
+    )
+    posture = mechanism.posture(model, state.position)
     tick = tick_of(
         settings,
         posture,
-        mechanism.motion(model, rates),
-        position,
-        signals.velocity,
-        thirds(signals.reference),
+        mechanism.motion(model, state.rates),
+        state.position,
+        state.position_rates,
+        state.desired,
         memory.drift,
         memory.velocity_command,
     )
     signals.estimate = memory.estimate
     raw = law.torque(settings, tick, memory)
     raw = moving_base.commanded_torque(settings, memory, tick.command, raw)
+    raw = delay_compensation.reduced_torque(settings, memory, posture, raw)
     torque = within_limits(settings, raw, before)
     memory.commanded = torque
     law.learn(settings, tick, memory, raw, torque)
-    mechanism.follow_drift(
-        model,
-        posture,
-        settings,
-        memory,
-        tick.velocity,
-        tick.reference_velocity,
-        tick.surface,
-        elementwise(minus, raw, torque),
-    )
-    moving_base.restrict_drift(settings, memory, posture)
+    # The estimate of the compensation includes the drift.
+    if not delay_compensation.is_on(settings):
+        mechanism.follow_drift(
+            model,
+            posture,
+            settings,
+            memory,
+            tick.velocity,
+            tick.reference_velocity,
+            tick.surface,
+            elementwise(minus, raw, torque),
+        )
+        moving_base.restrict_drift(settings, memory, posture)
     signals.raw_torque = raw
     signals.torque = torque
     signals.rates = memory.velocity_command
-    signals.error = tick.error
+    x, v, _ = thirds(signals.reference)
+    error = delay_compensation.error(settings, memory, x, v, tick.error)
+    signals.error = error
     signals.surface = tick.surface
     signals.singular = tick.is_singular
 

@@ -21,6 +21,8 @@ from masmc_ros.loop.closed_loop import (
     estimate_velocity,
     limit_torque,
     post_update,
+    predict_state,
+    reduce_torque,
     SINGULAR,
 )
 from masmc_ros.loop.dense import tick_input
@@ -28,7 +30,7 @@ from masmc_ros.loop.dry_run import check
 from masmc_ros.loop.signals import inputs, SIGNALS
 from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.compiled import bound
-from masmc_ros.numerics.record import take_over
+from masmc_ros.numerics.record import fill, take_over
 from masmc_ros.robot.robot import Robot
 import numpy as np
 
@@ -79,6 +81,7 @@ class Controller:
         self.period = period
         self.robot, self.mechanism = robot, robot.mechanism
         self.signals = records.signals(self.mechanism)
+        self._predicted = records.signals(self.mechanism)
         signals = {field.name: self.signals[field.name][0] for field in SIGNALS}
         self._inputs = inputs(self.signals)
         self.torque, self.raw_torque = signals['torque'][:, 0], signals['raw_torque'][:, 0]
@@ -93,6 +96,8 @@ class Controller:
         self._plug_in: PlugInLaw | None = None
         self._law: Law = registry.OF_RATES
         self._kernel: Callable[..., Any] | None = None
+        self._is_compensated = records.is_compensated(values)
+        self._stamp_age = 0.0
         self.memory = self._new_memory()
         self._choose(values)
         self.estimate[:] = self.nominal
@@ -141,6 +146,8 @@ class Controller:
         self.memory['velocity_command'] = 0.0
         self.velocity_command[:] = 0.0
         self.memory['estimator_initialised'] = 0
+        if self._is_compensated:
+            self.memory['history_initialised'] = 0
 
     def rates(self, velocity: Array) -> Array:
         """
@@ -164,6 +171,8 @@ class Controller:
         """
         self._void()
         self.memory['left_out'] += periods
+        if self._is_compensated:
+            self.memory['skipped'] += periods
 
     def reset_adaptation(self) -> None:
         """Reset the adaptation: set theta_hat to nominal and re-initialise the law's memory."""
@@ -182,19 +191,44 @@ class Controller:
         theta_hat persists, within the bounds of an active projection. The disturbance estimate
         restarts at zero if it is enabled or disabled, or if the implicit law becomes active.
         """
-        before, law = self.values, self._law
+        before, law, was_compensated = self.values, self._law, self._is_compensated
         changed = {**before, **values}
-        if any(changed[name] != before[name] for name in ('law', 'switching')):
+        chooses = any(changed[name] != before[name] for name in ('law', 'switching'))
+        if chooses or records.is_compensated(changed) != was_compensated:
             self._choose(changed)
         self._apply(changed)
         switched = changed['switching'] != before['switching'] or law.uses_switching != (
             self._law.uses_switching
         )
+        switched |= self._is_compensated != was_compensated
         if switched or (changed['observer_gain'] == 0.0) != (before['observer_gain'] == 0.0):
             self.memory['disturbance'] = 0.0
             self.memory['predicted'] = np.nan
+        if self._is_compensated and not was_compensated:
+            self.memory['drift'] = 0.0
+            self.memory['drift_predicted'] = np.nan
         if changed['velocity_source'] != before['velocity_source']:
             self.memory['estimator_initialised'] = 0
+
+    @property
+    def is_compensated(self) -> bool:
+        """Return True if latency is compensated."""
+        return self._is_compensated
+
+    def set_lateness(self, lateness: float) -> None:
+        """Set by how much the next torque acts later in s after its state than `latency`."""
+        self.memory['later'] = lateness
+
+    @property
+    def stamp_age(self) -> float:
+        """Return the time in s from the measurement of a state to its stamp."""
+        return self._stamp_age
+
+    def set_stamp_age(self, age: float) -> None:
+        """Set the time in s from the measurement of a state to its stamp."""
+        self._stamp_age = age
+        if self._is_compensated:
+            fill(self.settings, 'stamp_age', age)
 
     @property
     def is_compiled(self) -> bool:
@@ -274,20 +308,28 @@ class Controller:
             # Limits and estimator of a plain-Python law are those of a built-in law.
             law = registry.LAWS['smc']
         check(law, self.mechanism, values['switching'])
+        compensated = records.is_compensated(values)
         settings = records.law_settings(
-            self.mechanism, law, values['switching'], is_hybrid=self.is_hybrid
+            self.mechanism,
+            law,
+            values['switching'],
+            is_hybrid=self.is_hybrid,
+            compensated=compensated,
         )
         records.write_law(settings, self.robot, self.period, values)
+        if compensated:
+            fill(settings, 'stamp_age', self._stamp_age)
         read = records.read_by(settings, self.mechanism)
-        memory = records.law_memory(self.mechanism, law)
+        memory = records.law_memory(self.mechanism, law, compensated=compensated)
         take_over(memory, self.memory)
         # An invalid law has raised by now, and the active one is unchanged.
         self._law, self._plug_in, self._kernel = law, plug_in, None
-        self._of_tick_before = records.of_tick_before(law)
+        self._is_compensated = compensated
+        self._of_tick_before = records.of_tick_before(law, compensated=compensated)
         self.settings, self._read, self.memory = settings, read, memory
 
     def _new_memory(self) -> records.Records:
-        return records.law_memory(self.mechanism, self._law)
+        return records.law_memory(self.mechanism, self._law, compensated=self._is_compensated)
 
     def _apply(self, values: Mapping[str, Any]) -> None:
         self.values = dict(values)
@@ -296,13 +338,17 @@ class Controller:
             post_update(self.settings, self.memory)
 
     def _tick_plug_in(self, law: PlugInLaw) -> bool:
-        if self.values['velocity_source'] == ESTIMATED_RATES:
+        signals = self.signals
+        if self._is_compensated:
+            signals = self._predicted
+            predict_state(self.settings, self.memory, self.signals, signals)
+        elif self.values['velocity_source'] == ESTIMATED_RATES:
             estimate_velocity(self.settings, self.memory, self.signals)
         gains = {
             name: np.array(value) if isinstance(value, tuple) else value
             for name, value in self.values.items()
         }
-        inputs = tick_input(self.settings, self.signals, gains, self.estimate, self.commanded)
+        inputs = tick_input(self.settings, signals, gains, self.estimate, self.commanded)
         self.used_estimate[:] = self.estimate
         torque, estimate = law.step(inputs)
         for array, result, what in (
@@ -316,7 +362,9 @@ class Controller:
                     f'{array.size} finite numbers'
                 )
             array[:] = checked
+        if self._is_compensated:
+            reduce_torque(self.settings, self.memory, self.signals, signals)
         limit_torque(self.settings, self.memory, self.signals)
-        self.error[:] = inputs.error
+        self.error[:] = signals['error'][0, :, 0] if self._is_compensated else inputs.error
         self.surface[:] = inputs.surface
         return inputs.singular

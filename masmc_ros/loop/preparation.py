@@ -29,10 +29,18 @@ from masmc_ros.errors import UserError
 from masmc_ros.law import registry
 from masmc_ros.law.command_interface import COMMAND_INTERFACE, is_hybrid, takes_rates
 from masmc_ros.law.law import Law
+from masmc_ros.law.parts.delay_compensation import ENABLING
 from masmc_ros.law.rasmc import RASMC
 from masmc_ros.law.smc import SMC
 from masmc_ros.loop import records
-from masmc_ros.loop.closed_loop import control_tick, estimate_velocity, limit_torque, post_update
+from masmc_ros.loop.closed_loop import (
+    control_tick,
+    estimate_velocity,
+    limit_torque,
+    post_update,
+    predict_state,
+    reduce_torque,
+)
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.dense import dense
 from masmc_ros.loop.dry_run import check
@@ -49,7 +57,9 @@ from masmc_ros.params.text import yaml_text
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.mechanisms import mechanism_from
 
-CHOOSES_CODE = ('law', 'switching')
+_NAMES = ('law', 'switching')
+
+CHOOSES_CODE = (*_NAMES, *ENABLING)
 """Live parameters that require other compiled code."""
 
 _NICE_OF_REQUEST, _NICE_OF_PREPARATION = 5, 19
@@ -64,8 +74,8 @@ Values = Mapping[str, Any]
 class Code(NamedTuple):
     """Compiled code of one law with one switching term."""
 
-    name: tuple[str, str]
-    """Names of the law and of the switching term, which is empty for a law without it."""
+    name: tuple[str, str, bool]
+    """Names of the law and of the switching term, empty for a law without it; compensated."""
     calls: tuple[tuple[Any, tuple[Any, ...]], ...]
     """Kernels, each with example arguments of the required types."""
 
@@ -95,14 +105,21 @@ class Code(NamedTuple):
 
 
 def code_of_law(
-    mechanism: Mechanism, law: Law, switching: str, *, is_hybrid: bool = False
+    mechanism: Mechanism,
+    law: Law,
+    switching: str,
+    *,
+    is_hybrid: bool = False,
+    compensated: bool = False,
 ) -> Code:
     """Return the code of a compiled law for a type of robot."""
     signals = records.signals(mechanism)
-    memory = records.law_memory(mechanism, law)
-    settings = records.law_settings(mechanism, law, switching, is_hybrid=is_hybrid)
+    memory = records.law_memory(mechanism, law, compensated=compensated)
+    settings = records.law_settings(
+        mechanism, law, switching, is_hybrid=is_hybrid, compensated=compensated
+    )
     return Code(
-        (law.name, switching if law.uses_switching else ''),
+        (law.name, switching if law.uses_switching else '', compensated),
         (
             (control_tick, (settings, memory, signals, *inputs(signals))),
             # Called when a parameter changes while a projection is active.
@@ -111,15 +128,25 @@ def code_of_law(
     )
 
 
-def code_of_plain_law(mechanism: Mechanism, name: str, switching: str) -> Code:
+def code_of_plain_law(
+    mechanism: Mechanism, name: str, switching: str, *, compensated: bool = False
+) -> Code:
     """Return the code around a user law in plain Python for a type of robot."""
     signals = records.signals(mechanism)
-    memory = records.law_memory(mechanism, SMC)
-    settings = records.law_settings(mechanism, SMC, switching)
+    memory = records.law_memory(mechanism, SMC, compensated=compensated)
+    settings = records.law_settings(mechanism, SMC, switching, compensated=compensated)
+    before: tuple[tuple[Any, tuple[Any, ...]], ...] = (
+        (estimate_velocity, (settings, memory, signals)),
+    )
+    if compensated:
+        before = (
+            (predict_state, (settings, memory, signals, signals)),
+            (reduce_torque, (settings, memory, signals, signals)),
+        )
     return Code(
-        (name, switching),
+        (name, switching, compensated),
         (
-            (estimate_velocity, (settings, memory, signals)),
+            *before,
             (dense, (settings, signals)),
             (limit_torque, (settings, memory, signals)),
         ),
@@ -128,12 +155,21 @@ def code_of_plain_law(mechanism: Mechanism, name: str, switching: str) -> Code:
 
 def code_for(mechanism: Mechanism, values: Values) -> Code:
     """Return the code required by a controller with these parameter values."""
+    compensated = records.is_compensated(values)
     if takes_rates(values):
         return code_of_law(mechanism, registry.OF_RATES, values['switching'])
     law = registry.load_for(values['law'], mechanism)
     if isinstance(law, Law):
-        return code_of_law(mechanism, law, values['switching'], is_hybrid=is_hybrid(values))
-    return code_of_plain_law(mechanism, values['law'], values['switching'])
+        return code_of_law(
+            mechanism,
+            law,
+            values['switching'],
+            is_hybrid=is_hybrid(values),
+            compensated=compensated,
+        )
+    return code_of_plain_law(
+        mechanism, values['law'], values['switching'], compensated=compensated
+    )
 
 
 def fitting(mechanism: Mechanism) -> tuple[Law, ...]:
@@ -204,11 +240,11 @@ class Effect(NamedTuple):
 
 class LawChange:
     """
-    Live changes of a controller's parameters; `law` and `switching` may need other code.
+    Live changes of a controller's parameters; those of CHOOSES_CODE may need other code.
 
     A change takes effect at once if its code is loaded or it needs no other code. Otherwise it is
     pending: a process compiles the code and a thread loads it, while the controller continues
-    with the active law. A later change of `law` or `switching` replaces a pending change. Values
+    with the active law. A later change of these parameters replaces a pending change. Values
     requested together take effect together.
 
     The caller requests, polls between two ticks, and carries out the `Effect` of both. Nothing
@@ -218,7 +254,7 @@ class LawChange:
     def __init__(self, controller: Controller) -> None:
         """Load the code of a controller; no change is pending."""
         self._controller = controller
-        self._known: dict[tuple[str, str], Code] = {}
+        self._known: dict[tuple[str, str, bool], Code] = {}
         self._code_of(controller.values).load()
         self._wanted: dict[str, Any] = {}
         self._making: _Making | None = None
@@ -295,7 +331,7 @@ class LawChange:
     def _code_of(self, values: Values) -> Code:
         """Return the code required by the controller with these parameter values."""
         # Creating its records takes milliseconds.
-        name = values['law'], values['switching']
+        name = values['law'], values['switching'], records.is_compensated(values)
         if name not in self._known:
             self._known[name] = code_for(self._controller.mechanism, values)
         return self._known[name]
@@ -303,7 +339,7 @@ class LawChange:
     @property
     def _present(self) -> str:
         """Return the value that stays active while a change is pending."""
-        changed = [name for name in CHOOSES_CODE if name in self._wanted]
+        changed = [name for name in _NAMES if name in self._wanted]
         return str(self._controller.values[changed[0] if changed else 'law'])
 
     def _apply(self) -> Effect:

@@ -12,9 +12,11 @@ import math
 from pathlib import Path
 from typing import Any
 
-from masmc_ros.law.command_interface import by_velocity, takes_rates
+from masmc_ros.errors import InputError
+from masmc_ros.law.command_interface import by_velocity, is_hybrid, takes_rates
 from masmc_ros.law.declared import declared_for
 from masmc_ros.law.law import Law
+from masmc_ros.law.parts import delay_compensation
 from masmc_ros.law.parts.moving_base import BY_TORQUE, BY_VELOCITY
 from masmc_ros.law.registry import parameters, REACHING, shared_parameters
 from masmc_ros.loop import control
@@ -58,21 +60,30 @@ def field_name(parameter: str) -> str:
 
 
 def law_settings(
-    mechanism: Mechanism, law: Law, switching: str, lanes: int = 1, *, is_hybrid: bool = False
+    mechanism: Mechanism,
+    law: Law,
+    switching: str,
+    lanes: int = 1,
+    *,
+    is_hybrid: bool = False,
+    compensated: bool = False,
 ) -> Records:
     """
     Return the settings of a law, all zero: shared parameters and those of the law.
 
-    `is_hybrid`: the base follows velocities, and the arm torques.
+    `is_hybrid`: the base follows velocities, and the arm torques. `compensated`: latency is
+    compensated.
     """
     own = (*shared_parameters(mechanism), *law.parameters)
     declared = map(field_of, declared_for(mechanism, own))
-    fields = (*control.SETTINGS, *(field for field in declared if field is not None))
+    further = delay_compensation.SETTINGS if compensated else ()
+    fields = (*further, *control.SETTINGS, *(field for field in declared if field is not None))
     tags = {
         'mechanism': mechanism.tag,
         'law': law_tag(law),
         'switching': switching if law.uses_switching else '',
         'base': BY_VELOCITY if is_hybrid else BY_TORQUE,
+        'compensation': delay_compensation.ON if compensated else delay_compensation.OFF,
     }
     return new_record(fields, mechanism.sizes, lanes, tags)
 
@@ -98,19 +109,37 @@ def law_tag(law: Law) -> str:
     return f'{law.name} {_digest(law)}'.rstrip()
 
 
-def law_memory(mechanism: Mechanism, law: Law, lanes: int = 1) -> Records:
+def law_memory(
+    mechanism: Mechanism, law: Law, lanes: int = 1, *, compensated: bool = False
+) -> Records:
     """Return the initial memory of a law."""
-    return new_record(_memory_fields(law), mechanism.sizes, lanes)
+    return new_record(_memory_fields(law, compensated=compensated), mechanism.sizes, lanes)
 
 
-def of_tick_before(law: Law) -> tuple[str, ...]:
+def of_tick_before(law: Law, *, compensated: bool = False) -> tuple[str, ...]:
     """Return the names of memory fields from the previous tick: their initial value is NaN."""
-    return tuple(field.name for field in _memory_fields(law) if math.isnan(field.initial))
+    fields = _memory_fields(law, compensated=compensated)
+    return tuple(field.name for field in fields if math.isnan(field.initial))
 
 
-def _memory_fields(law: Law) -> tuple[Field, ...]:
+def _memory_fields(law: Law, *, compensated: bool) -> tuple[Field, ...]:
     terms = (field for term in REACHING.values() for field in term.memory)
-    return (*control.MEMORY, *law.memory, *terms)
+    # In front: Numba would accept a record with more fields at its end as one without them.
+    further = delay_compensation.MEMORY if compensated else ()
+    return (*further, *control.MEMORY, *law.memory, *terms)
+
+
+def is_compensated(values: Mapping[str, Any]) -> bool:
+    """
+    Return True if a controller with these parameter values compensates latency.
+
+    Raises InputError for a base that follows velocities, whose motion is not predicted.
+    """
+    is_on = not takes_rates(values) and delay_compensation.is_compensated(values)
+    if is_on and is_hybrid(values):
+        names = ', '.join(delay_compensation.ENABLING)
+        raise InputError(f'command_interface = hybrid: expected {names} 0, or effort')
+    return is_on
 
 
 def plant_settings(mechanism: Mechanism, lanes: int = 1) -> Records:

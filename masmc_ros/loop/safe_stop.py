@@ -333,8 +333,9 @@ class SafeStop:
 
     def _largest_gain(self) -> float:
         """Return the largest gain alpha in 1/s for period, delay and torque rate limit."""
-        values = self._controller.values
-        bounds = [0.4 / (2.0 * self._controller.period), _MOST_GAIN]
+        values, period = self._controller.values, self._controller.period
+        delay = max(period, values['latency'] + values['motor_lag'])
+        bounds = [0.4 / (period + delay), _MOST_GAIN]
         for limit, rate in zip(
             np.broadcast_to(values['torque_limit'], len(self._controller.torque)),
             np.broadcast_to(values['torque_rate_limit'], len(self._controller.torque)),

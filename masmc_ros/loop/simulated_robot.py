@@ -279,6 +279,11 @@ class SimulatedRobot:
         self.reset()
 
     @property
+    def delay(self) -> float:
+        """Return the age of measured states in s, in whole control periods."""
+        return float(self.settings['delay'][0, 0]) * self.period
+
+    @property
     def contact(self) -> NDArray[np.float64]:
         """Return the signals of `CONTACT` for each wheel; empty if wheels cannot slip."""
         return np.zeros(0)

@@ -67,6 +67,8 @@ class Simulation:
         self.timing = Timing.from_values(plant)
         self.plant = plant_of(plant, self.timing.period)
         self.controller = Controller(robot_of(control), self.timing.period, control)
+        # The stamp of a simulated state is that of the tick at which it appears.
+        self.controller.set_stamp_age(self.plant.delay)
         self._stop = SafeStop(self.controller)
         self.trajectory = Trajectory(
             values['trajectory'], self.timing.period, robot_of(values['trajectory'])

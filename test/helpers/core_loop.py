@@ -73,6 +73,7 @@ class CoreLoop:
         layer = LayerWatch(self.controller)
         self.core = ControllerCore(self.controller, approach, layer, self.timing, control)
         self.plant = plant_of(values['plant'], self.period)
+        self.controller.set_stamp_age(self.plant.delay)
         self.trajectory = Trajectory(
             values['trajectory'], self.period, robot_of(values['trajectory'])
         )

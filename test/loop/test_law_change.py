@@ -17,7 +17,7 @@ from masmc_ros.robot.robot import robot_of
 import pytest
 
 PAPER = Path(__file__).resolve().parents[2] / 'config' / 'paper.yaml'
-START = ('rasmc', 'tanh')
+START = ('rasmc', 'tanh', False)
 
 
 class FakeCompilation:
@@ -73,7 +73,7 @@ def bench(monkeypatch: pytest.MonkeyPatch) -> Bench:
 
 
 def test_law_change_code_loaded_applies_at_once(bench: Bench) -> None:
-    bench.loaded.add(('smc', 'tanh'))
+    bench.loaded.add(('smc', 'tanh', False))
     change = LawChange(bench.controller)
     assert change.request({'law': 'smc'}) == Effect({'law': 'smc'})
     assert bench.values('law') == ('smc',)
@@ -177,7 +177,7 @@ def test_law_change_law_raises_keeps_active_law(
         def __init__(self) -> None:
             raise ValueError('no such file')
 
-    bench.loaded.add(('pid', 'tanh'))
+    bench.loaded.add(('pid', 'tanh', False))
     change = LawChange(bench.controller)
     memory = bench.controller.memory
     monkeypatch.setattr(registry, 'load_for', lambda name, mechanism: Failing)
@@ -195,3 +195,18 @@ def test_law_change_closed_cancels_pending_one(bench: Bench) -> None:
     change.close()
     assert bench.made[-1].is_stopped
     assert not change.is_pending
+
+
+def test_law_change_first_latency_waits_for_compilation(bench: Bench) -> None:
+    change = LawChange(bench.controller)
+    effect = change.request({'latency': 0.01})
+    assert effect.text == 'latency = 0.01: compiling; rasmc continues until the code is ready'
+    assert bench.values('latency') == (0.0,)
+    # Any later latency has the same code.
+    change.request({'latency': 0.02})
+    assert len(bench.made) == 1
+    bench.make_ready()
+    assert change.poll() is not None
+    assert bench.values('latency') == (0.02,)
+    assert bench.controller.is_compensated
+    assert change.request({'latency': 0.03}) == Effect({'latency': 0.03})

@@ -139,6 +139,19 @@ def test_lockstep_separate_processes_equal_simulation(
     check_transforms(live, paper, PAPER)
 
 
+@pytest.mark.slow
+def test_lockstep_with_latency_equals_simulation(tmp_path: Path) -> None:
+    settings = {
+        'plant__measurement_delay': '0.005',
+        'controller__latency': '0.005',
+        'controller__law': 'smc',
+        'controller__switching': 'implicit',
+    }
+    live = read_log(separate(tmp_path, 1.0, **settings)).messages
+    options = settings_of(settings)
+    check_same(live, simulated(PAPER, tmp_path / 'run.mcap', 'duration=1.0', *options))
+
+
 def test_lockstep_other_robot_law_period_equal_simulation(tmp_path: Path) -> None:
     file = tmp_path / 'other.yaml'
     file.write_text(OTHER)

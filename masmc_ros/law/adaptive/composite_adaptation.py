@@ -18,7 +18,8 @@ import math
 
 from masmc_ros.law import fields
 from masmc_ros.law.law import Law
-from masmc_ros.law.parts.adaptation import adapt_along, project, tracking_gradient
+from masmc_ros.law.parts.adaptation import adapt_along, project
+from masmc_ros.law.parts.delay_compensation import gradient
 from masmc_ros.law.parts.last_period import last_regressor
 from masmc_ros.law.rasmc import RASMC
 from masmc_ros.law.reaching.reaching import correct
@@ -125,15 +126,16 @@ def _gradient(settings: Settings, tick: Tick, memory: Memory) -> Numbers:
     kappa = settings.composite_adaptation_kappa
     whole = slope + tick.period * kappa * curvature
     weight = kappa * slope / (whole if whole > 0.0 else 1.0)
-    return elementwise(_sum, tracking_gradient(tick), prediction, weight)
+    tracking = gradient(settings, memory, tick)
+    return elementwise(_sum, tracking, prediction, weight)
 
 
 @formula
 def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, held: Joints) -> None:
     """Correct the prediction of the reaching term, and adapt."""
     correct(settings, tick, memory, raw, held)
-    gradient = _gradient(settings, tick, memory)
-    adapt_along(settings, tick, memory, raw, held, gradient)
+    along = _gradient(settings, tick, memory)
+    adapt_along(settings, tick, memory, raw, held, along)
     memory.composite_adaptation_torque = held
     memory.composite_adaptation_velocity = tick.velocity
 

@@ -22,7 +22,8 @@ from typing import Any
 
 from masmc_ros.law import fields
 from masmc_ros.law.law import Law
-from masmc_ros.law.parts.adaptation import adapt_along, project, tracking_gradient
+from masmc_ros.law.parts.adaptation import adapt_along, project
+from masmc_ros.law.parts.delay_compensation import gradient
 from masmc_ros.law.parts.last_period import last_regressor
 from masmc_ros.law.rasmc import RASMC
 from masmc_ros.law.reaching.reaching import correct
@@ -390,8 +391,9 @@ def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, held: Joi
         tick.period * settings.concurrent_learning_kappa,
     )
     recalled_rate = elementwise(_rate, recalled, tick.period)
-    gradient = elementwise(plus, tracking_gradient(tick), recalled_rate)
-    adapt_along(settings, tick, memory, raw, held, gradient)
+    tracking = gradient(settings, memory, tick)
+    along = elementwise(plus, tracking, recalled_rate)
+    adapt_along(settings, tick, memory, raw, held, along)
     memory.concurrent_learning_torque = held
     memory.concurrent_learning_velocity = tick.velocity
 

@@ -19,6 +19,7 @@ from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
+from masmc_ros.law.parts.delay_compensation import is_on
 from masmc_ros.law.parts.inverse_dynamics import motion_acceleration, spring
 from masmc_ros.law.parts.last_period import last_acceleration
 from masmc_ros.law.parts.model import ESTIMATE
@@ -85,7 +86,8 @@ def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
     """Return the joints' torques in N m, and update the disturbance estimate."""
     h = mechanism.inertia(tick.model, tick.posture, tick.nominal)
     before = last_acceleration(tick, memory.momentum_observer_velocity)
-    gain = tick.period * settings.momentum_observer_rate
+    rate = 0.0 if is_on(settings) else settings.momentum_observer_rate
+    gain = tick.period * rate
     d = elementwise(
         _observed,
         memory.momentum_observer_disturbance,

@@ -18,6 +18,7 @@ from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
+from masmc_ros.law.parts.delay_compensation import is_on
 from masmc_ros.law.parts.inverse_dynamics import motion_acceleration, spring
 from masmc_ros.law.parts.last_period import last_acceleration
 from masmc_ros.law.parts.model import ESTIMATE
@@ -69,7 +70,8 @@ def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
     left = elementwise(minus, commanded, mechanism.inertia_times(tick.model, h, before))
     model = mechanism.coriolis(tick.model, tick.posture, tick.nominal, tick.velocity)
     wanted = mechanism.inertia_times(tick.model, h, motion_acceleration(tick, acceleration))
-    f = elementwise(plus, wanted, elementwise(_known, left, model))
+    others = model if is_on(settings) else elementwise(_known, left, model)
+    f = elementwise(plus, wanted, others)
     return mechanism.joint_torques(tick.model, f)
 
 

@@ -21,6 +21,7 @@ from typing import Any
 
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.fields import Memory, Settings
+from masmc_ros.law.parts.delay_compensation import gradient
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.aliases import Joints, Numbers, Parameters
 from masmc_ros.numerics.arrays import to_vector
@@ -174,18 +175,10 @@ def _share(gradient: float, share: float) -> float:
 
 
 @formula
-def tracking_gradient(tick: Tick) -> Numbers:
-    """Return Y' sigma of (23)."""
-    w = mechanism.motion_error(
-        tick.model, tick.posture, tick.velocity, tick.reference_velocity, tick.surface
-    )
-    return mechanism.regressor_transpose_times(tick.model, tick.regressor, w, tick.nominal)
-
-
-@formula
 def adapt(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: Joints) -> None:
     """Advance theta_hat by one tick, before the projection."""
-    adapt_along(settings, tick, memory, raw, torque, tracking_gradient(tick))
+    along = gradient(settings, memory, tick)
+    adapt_along(settings, tick, memory, raw, torque, along)
 
 
 @formula

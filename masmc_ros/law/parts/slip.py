@@ -11,12 +11,14 @@ request ever more torque from a slipping wheel.
 
 from __future__ import annotations
 
+from typing import Any
+
 from masmc_ros.law.fields import Settings
 from masmc_ros.law.parts.velocity_estimator import MEASURED
-from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.scalars import minus
-from masmc_ros.numerics.tuples import dot, elementwise, tail
+from masmc_ros.numerics.tuples import dot, elementwise
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 
@@ -32,16 +34,22 @@ SLIP_BACKOFF = Parameter(
 
 
 @formula
-def squared_slip(tick: Tick) -> float:
+def squared_slip(model: Any, posture: Any, position_rates: Numbers, rates: Numbers) -> float:
     """Return the squared velocity of the base against its wheels, m/s and rad/s together."""
-    rates = tail(tick.position_rates, tick.velocity)
-    rolling = mechanism.position_rates(tick.model, tick.posture, rates)
-    slip = elementwise(minus, tick.position_rates, rolling)
+    rolling = mechanism.position_rates(model, posture, rates)
+    slip = elementwise(minus, position_rates, rolling)
     return dot(slip, slip)
 
 
 @formula
-def backed_off(settings: Settings, tick: Tick, gain: float) -> float:
+def backed_off(
+    settings: Settings,
+    model: Any,
+    posture: Any,
+    position_rates: Numbers,
+    rates: Numbers,
+    gain: float,
+) -> float:
     """
     Return gain / (1 + (slip / slip_backoff)^2).
 
@@ -49,5 +57,5 @@ def backed_off(settings: Settings, tick: Tick, gain: float) -> float:
     """
     scale = settings.slip_backoff
     if (scale > 0.0) & (settings.velocity_source == MEASURED):
-        return gain / (1.0 + squared_slip(tick) / (scale * scale))
+        return gain / (1.0 + squared_slip(model, posture, position_rates, rates) / (scale * scale))
     return gain

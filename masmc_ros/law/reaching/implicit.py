@@ -24,6 +24,7 @@ import math
 from typing import Any
 
 from masmc_ros.law.fields import Memory, Settings
+from masmc_ros.law.parts.delay_compensation import horizon, is_on
 from masmc_ros.law.parts.inverse_dynamics import limited_acceleration
 from masmc_ros.law.parts.slip import backed_off, SLIP_BACKOFF
 from masmc_ros.law.reaching.reaching import GAINS, Reaching
@@ -34,7 +35,7 @@ from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.elimination import solve_definite
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.scalars import minus, moved, zero
-from masmc_ros.numerics.tuples import elementwise, least, matrix_times
+from masmc_ros.numerics.tuples import elementwise, least, matrix_times, tail
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 import numpy as np
@@ -129,14 +130,24 @@ def reach(settings: Settings, tick: Tick, memory: Memory) -> Axes:
     """Return the reaching force, and store s+ and the disturbance estimate."""
     inertia = mechanism.task_inertia(tick.model, tick.posture, tick.nominal, tick.surface)
     k_s1, k_s2 = settings.k_s1, settings.k_s2
-    disturbance = disturbance_estimate(
-        inertia,
-        tick.surface,
-        memory.predicted,
-        backed_off(settings, tick, settings.observer_gain) / tick.period,
-        memory.disturbance,
-    )
-    following, zeta = solution(inertia, tick.period, k_s1, k_s2, tick.surface)
+    disturbance = memory.disturbance
+    if not is_on(settings):
+        gain = backed_off(
+            settings,
+            tick.model,
+            tick.posture,
+            tick.position_rates,
+            tail(tick.position_rates, tick.velocity),
+            settings.observer_gain,
+        )
+        disturbance = disturbance_estimate(
+            inertia,
+            tick.surface,
+            memory.predicted,
+            gain / tick.period,
+            disturbance,
+        )
+    following, zeta = solution(inertia, horizon(settings), k_s1, k_s2, tick.surface)
     memory.disturbance = disturbance
     memory.predicted = following
     return elementwise(_pushed, k_s1, following, k_s2, zeta, disturbance)

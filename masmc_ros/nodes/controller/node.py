@@ -34,6 +34,7 @@ from masmc_ros.control.supervisor import FAULT
 from masmc_ros.errors import InputError
 from masmc_ros.law import registry
 from masmc_ros.law.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CMD_VEL
+from masmc_ros.loop import records
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.preparation import Effect, LawChange, prepare
 from masmc_ros.loop.safe_stop import HOLD, SafeStop
@@ -107,6 +108,7 @@ class ControllerNode(SuiteNode):
         }
         self._compile()
         self._law_change = LawChange(controller)
+        self._has_plant_parameters = False
         self._preparation = prepare(controller.mechanism)
 
     def connect(self) -> None:
@@ -124,6 +126,7 @@ class ControllerNode(SuiteNode):
         node.create_service(Trigger, '~/clear_fault', self._on_clear)
         node.create_service(Trigger, '~/reset_adaptation', self._on_reset)
         self._perform(core.start())
+        self._perform(core.on_code(self._awaited, time.monotonic()))
         self.parameters.on_request(self._request)
         self.parameters.on_change(lambda changed: self._perform(core.on_parameters(changed)))
         node.create_timer(_WATCH_PERIOD, self._watch, clock=self.steady)
@@ -191,8 +194,17 @@ class ControllerNode(SuiteNode):
         elif effect.text:
             self.log.info(effect.text)
         self.parameters.take_effect(effect.values)
-        awaited = self._law_change.awaited if self._is_lockstep else ''
-        self._perform(self._core.on_code(awaited, time.monotonic()))
+        self._perform(self._core.on_code(self._awaited, time.monotonic()))
+
+    @property
+    def _awaited(self) -> str:
+        """Return what the next tick of a run in lock-step needs; '' for nothing."""
+        if not self._is_lockstep:
+            return ''
+        # The prediction depends on the delay before the stamps.
+        if self._controller.is_compensated and not self._has_plant_parameters:
+            return 'the parameters of the plant'
+        return self._law_change.awaited
 
     @property
     def _is_lockstep(self) -> bool:
@@ -265,6 +277,9 @@ class ControllerNode(SuiteNode):
             return
         pacing, own_pacing = plant_values.get('pacing'), self._core.pacing.name
         self._perform(self._core.on_plant(str(pacing)))
+        self._has_plant_parameters = True
+        self._controller.set_stamp_age(_stamp_age(plant_values, self._controller.period))
+        self._perform(self._core.on_code(self._awaited, time.monotonic()))
         if pacing == 'lockstep' and own_pacing == 'realtime':
             self.log.warning(
                 'pacing = realtime, and a plant has lockstep: a missing state raises a timeout '
@@ -318,9 +333,18 @@ def _log(log: Any, level: str, text: str) -> None:
         log.info(text)
 
 
+def _stamp_age(plant_values: Mapping[str, Any], period: float) -> float:
+    """Return the delay of a simulated plant before its stamps in s."""
+    delay = plant_values.get('measurement_delay', 0.0)
+    is_valid = isinstance(delay, float) and 0.0 <= delay <= 1.0
+    return round(delay / period) * period if is_valid else 0.0
+
+
 def _check_law(values: Mapping[str, Any]) -> None:
     """Raise InputError for a law that cannot be loaded, or does not support the robot."""
     registry.load_for(values['law'], mechanism_from(values))
+    # Raises InputError for a command interface whose latency cannot be compensated.
+    records.is_compensated(values)
 
 
 def main(arguments: list[str] | None = None) -> int:

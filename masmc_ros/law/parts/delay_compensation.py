@@ -1,0 +1,560 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Compensation of latency for every law: prediction, and a disturbance estimate with a slope.
+
+L is the time from the measurement of a state to the first effect of the torque that answers it.
+The estimate compares each measured state with one step of the model from the previous one, under
+the torque that acted meanwhile. Then the model predicts the state after L, in which the law, its
+reference and its regressor are evaluated. d is an acceleration of the mechanism's velocities,
+
+    f = (v - v_model) / T,   delta <- delta + beta_2 f,   d <- d + beta f + delta,
+
+and the torque of any law is reduced by H (d + (L / T + 1) delta). docs/theory/latency.md derives
+the gains. Without latency the compiled code contains none of this: `COMPENSATIONS` selects it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import math
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+from masmc_ros.law.parts.slip import backed_off
+from masmc_ros.law.parts.velocity_estimator import ESTIMATED
+from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.arrays import read_along, write_along
+from masmc_ros.numerics.compiled import formula, kernel
+from masmc_ros.numerics.dispatch import by_tag, interface
+from masmc_ros.numerics.field import Field
+from masmc_ros.numerics.lanes import in_place
+from masmc_ros.numerics.scalars import minus, moved, plus, zero
+from masmc_ros.numerics.tuples import dot, elementwise, head, joined, tail
+from masmc_ros.params.declaration import Parameter
+from masmc_ros.robot import mechanism
+
+OFF, ON = '', 'delay'
+"""Tags of records without and with compensation."""
+
+LONGEST = 0.1
+"""Largest compensated latency in s."""
+
+HISTORY = 128
+"""Stored commands; a power of two. Latency is limited to two periods less."""
+
+LONGEST_STEP = 0.005
+"""Longest step of the model in s."""
+
+ADAPTATION_TIME = 0.01
+"""Time c in s: the estimates follow sigma = c d."""
+
+SLOWNESS = 8.0
+"""Smallest time constant of the adaptation in latencies."""
+
+PARAMETERS = (
+    Parameter(
+        'latency',
+        0.0,
+        'Time from the measurement of a state to the first effect of its torque; 0: no '
+        'compensation',
+        unit='s',
+        minimum=0.0,
+        maximum=LONGEST,
+        read_only=False,
+    ),
+    Parameter(
+        'motor_lag',
+        0.0,
+        'Time constant of the motors, compensated as additional latency',
+        unit='s',
+        minimum=0.0,
+        maximum=LONGEST,
+        read_only=False,
+    ),
+    Parameter(
+        'compensation.horizon',
+        0.0,
+        'Time h in which the implicit law reaches the surface, with latency; 0: two latencies, at '
+        'least two periods',
+        unit='s',
+        minimum=0.0,
+        read_only=False,
+    ),
+    Parameter(
+        'compensation.gain',
+        0.0,
+        'Gain beta of the disturbance estimate with latency; 0: period / latency, at most 1/4. '
+        'Another value enables the estimate without latency',
+        minimum=0.0,
+        maximum=1.0,
+        read_only=False,
+    ),
+    Parameter(
+        'compensation.slope',
+        0.25,
+        'Gain beta_2 of the slope of the disturbance estimate, as a multiple of beta squared',
+        minimum=0.0,
+        maximum=1.0,
+        read_only=False,
+    ),
+)
+
+SETTINGS = (
+    Field('stamp_age', description='Time from the measurement of a state to its stamp', unit='s'),
+)
+"""Settings that are not parameters."""
+
+MEMORY = (
+    Field('acceleration', 'joints', 'Estimated d, in the velocities of the mechanism', '1/s²'),
+    Field('acceleration_slope', 'joints', 'Its change delta per period', '1/s²'),
+    Field('measured_position', 'positions', 'Positions of the last measured state', 'm, rad'),
+    Field('measured_base', 'base', 'Base pose in it', 'm, rad'),
+    Field('measured_rates', 'joints', 'Rates in it, measured or estimated', 'rad/s'),
+    Field('measured_acceleration', 'joints', 'Its derivative, of the mechanism', '1/s²'),
+    Field('history_torque', (HISTORY, 'joints'), 'Commanded torques', 'N·m'),
+    Field('history_start', HISTORY, 'Times at which they started to act', 's'),
+    Field('history_newest', description='Row of the newest one', kind='i8'),
+    Field('history_initialised', description='1 after the first tick', kind='i8'),
+    Field('state_time', description='Time of the last measured state', unit='s'),
+    Field('acts_from', description='Time from which its torque acts', unit='s'),
+    Field('skipped', description='Ticks since the last one that were not computed', kind='i8'),
+    Field('later', description='Latency of the next state beyond the usual one', unit='s'),
+)
+"""Memory with compensation; times are those of the measured states."""
+
+
+ENABLING = ('latency', 'motor_lag', 'compensation.gain')
+"""Parameters that enable the compensation if one of them is not zero."""
+
+
+def is_compensated(values: Mapping[str, Any]) -> bool:
+    """Return True if a controller with these parameter values compensates latency."""
+    return any(values[name] > 0.0 for name in ENABLING)
+
+
+class State(NamedTuple):
+    """State and reference in which a law is evaluated."""
+
+    position: Numbers
+    rates: Numbers  # of the joints
+    position_rates: Numbers
+    desired: tuple[Numbers, Numbers, Numbers]  # x_d, xdot_d and xddot_d
+
+
+@formula
+def _same_state(settings: Any, memory: Any, state: State) -> State:
+    return state
+
+
+@formula
+def _same_torque(settings: Any, memory: Any, posture: Any, raw: Numbers) -> Numbers:
+    return raw
+
+
+@formula
+def _error_of_law(
+    settings: Any, memory: Any, desired: Numbers, rate: Numbers, error: Numbers
+) -> Numbers:
+    return error
+
+
+@formula
+def _tracking_gradient(settings: Any, memory: Any, tick: Tick) -> Numbers:
+    """Return Y' sigma of (23)."""
+    w = mechanism.motion_error(
+        tick.model, tick.posture, tick.velocity, tick.reference_velocity, tick.surface
+    )
+    return mechanism.regressor_transpose_times(tick.model, tick.regressor, w, tick.nominal)
+
+
+@formula
+def _one_period(settings: Any) -> float:
+    return settings.period
+
+
+@formula
+def _never(settings: Any) -> bool:
+    return False
+
+
+@formula
+def _always(settings: Any) -> bool:
+    return True
+
+
+@formula
+def _usual_latency(settings: Any) -> float:
+    return settings.latency + settings.motor_lag
+
+
+@formula
+def total_latency(settings: Any, memory: Any) -> float:
+    """Return L of the current state in s."""
+    longest = (HISTORY - 2) * settings.period
+    return min(max(_usual_latency(settings) + memory.later, 0.0), longest)
+
+
+@formula
+def _horizon(settings: Any) -> float:
+    """Return h in s."""
+    chosen = settings.compensation_horizon
+    latency, period = _usual_latency(settings), settings.period
+    of_rule = 2.0 * max(latency, period) if latency > 0.0 else period
+    return chosen if chosen > 0.0 else of_rule
+
+
+@formula
+def estimate_gain(settings: Any) -> float:
+    """Return beta."""
+    chosen, latency = settings.compensation_gain, _usual_latency(settings)
+    period = settings.period
+    return chosen if chosen > 0.0 else (period / latency if latency > 4.0 * period else 0.25)
+
+
+# History of commands.
+
+
+@formula
+def _store_command(memory: Any, torque: Numbers) -> None:
+    """Store the last command."""
+    newest = (memory.history_newest + 1) & (HISTORY - 1)
+    write_along(in_place(memory, 'history_torque'), newest * len(torque), torque)
+    in_place(memory, 'history_start')[newest] = memory.acts_from
+    memory.history_newest = newest
+
+
+@formula
+def _added(total: float, value: float, share: float) -> float:
+    return total + share * value
+
+
+@formula
+def _mean_torque(memory: Any, start: float, end: float, template: Numbers) -> Numbers:
+    """Return the mean acting torque between two times in s."""
+    torques, starts = in_place(memory, 'history_torque'), in_place(memory, 'history_start')
+    newest, count = memory.history_newest, len(template)
+    total, until = elementwise(zero, template), end
+    for i in range(HISTORY):
+        row = (newest - i) & (HISTORY - 1)
+        begin = starts[row]
+        begin = start if (begin < start) | (i == HISTORY - 1) else begin
+        if begin < until:
+            torque = read_along(torques, row * count, template)
+            total = elementwise(_added, total, torque, (until - begin) / (end - start))
+            until = begin
+        if until <= start:
+            break
+    return total
+
+
+# Model.
+
+
+@formula
+def _derivative(
+    model: Any, theta: Numbers, position: Numbers, rates: Numbers, torque: Numbers, extra: Numbers
+) -> tuple[Numbers, Numbers]:
+    """Return the derivatives of positions and rates; `extra` are accelerations of the joints."""
+    posture = mechanism.posture(model, position)
+    a = mechanism.joint_accelerations(model, posture, theta, rates, torque)
+    return mechanism.position_rates(model, posture, rates), elementwise(plus, a, extra)
+
+
+@formula
+def _corrected(value: float, first: float, second: float, half: float) -> float:
+    """Return the end of a Heun step from its end by explicit Euler and both derivatives."""
+    return value + half * (second - first)
+
+
+@kernel
+def _advanced(
+    settings: Any,
+    memory: Any,
+    position: Numbers,
+    rates: Numbers,
+    start: float,
+    end: float,
+) -> tuple[Numbers, Numbers]:
+    """
+    Return positions and rates at a later time according to the model.
+
+    The model is that of theta_hat, with the commanded torques and d. Heun steps have a length of
+    at most LONGEST_STEP; the torque of a step is its mean. Before the last measured state, d is
+    constant.
+    """
+    model, theta = mechanism.model_of(settings), memory.estimate
+    period, now = settings.period, memory.state_time
+    d, slope = memory.acceleration, memory.acceleration_slope
+    steps = max(1, math.ceil((end - start) / LONGEST_STEP - 1.0e-6))
+    h = (end - start) / steps
+    for step in range(steps):
+        begin = start + step * h
+        torque = _mean_torque(memory, begin, begin + h, rates)
+        # d is the mean acceleration of the period after the last measured state.
+        ahead = max(0.0, (begin + 0.5 * h - now) / period - 0.5)
+        extra = mechanism.joint_rates(model, elementwise(moved, d, slope, ahead))
+        v_1, a_1 = _derivative(model, theta, position, rates, torque, extra)
+        position = elementwise(moved, position, v_1, h)
+        rates = elementwise(moved, rates, a_1, h)
+        v_2, a_2 = _derivative(model, theta, position, rates, torque, extra)
+        position = elementwise(_corrected, position, v_1, v_2, 0.5 * h)
+        rates = elementwise(_corrected, rates, a_1, a_2, 0.5 * h)
+    return position, rates
+
+
+# Estimate and prediction.
+
+
+@formula
+def _times(value: float, factor: float) -> float:
+    return value * factor
+
+
+@formula
+def _rate(value: float, before: float, period: float) -> float:
+    return (value - before) / period
+
+
+@formula
+def _followed(d: float, slope: float, f: float, gain: float) -> float:
+    return d + gain * f + slope
+
+
+@formula
+def observer_gains(
+    bandwidth: float, period: float, gain: float, slope_gain: float
+) -> tuple[float, float, float, float]:
+    """
+    Return the gains of angle, rate (times T), d (times T^2) and delta (times T^2).
+
+    Two poles are 1 / (1 + bandwidth T). The others are those of the estimate from measured rates.
+    """
+    a = 1.0 - 1.0 / (1.0 + bandwidth * period)
+    b = gain + slope_gain
+    of_slope = a * a * slope_gain
+    of_d = a * a * b + 2.0 * a * slope_gain - 1.5 * of_slope
+    of_rate = a * a + 2.0 * a * b + slope_gain - 1.5 * of_d - 0.5 * of_slope
+    return 2.0 * a + b - of_rate - 0.5 * of_d, of_rate, of_d, of_slope
+
+
+@kernel
+def _follow_state(settings: Any, memory: Any, state: State) -> State:
+    """
+    Store the last command and the measured state, and update the disturbance estimate.
+
+    Return the state with estimated angles and rates of the joints if rates are not measured.
+    """
+    period, model = settings.period, mechanism.model_of(settings)
+    is_estimated = settings.velocity_source == ESTIMATED
+    before, now = memory.state_time, memory.state_time
+    position, rates = state.position, state.rates
+    if memory.history_initialised == 0:
+        if is_estimated:
+            rates = elementwise(zero, rates)
+        _start(settings, memory, position)
+    else:
+        _store_command(memory, memory.commanded)
+        now = before + (1 + memory.skipped) * period
+        elapsed = now - before
+        rates_before = memory.measured_rates
+        position_before = memory.measured_position
+        reached, expected = _advanced(settings, memory, position_before, rates_before, before, now)
+        gain = backed_off(
+            settings,
+            model,
+            mechanism.posture(model, position),
+            state.position_rates,
+            rates,
+            estimate_gain(settings),
+        )
+        slope_gain = settings.compensation_slope * gain * gain
+        if is_estimated:
+            bandwidth = settings.estimator_bandwidth
+            gains = observer_gains(bandwidth, elapsed, gain, slope_gain)
+            missed = elementwise(minus, tail(position, rates), tail(reached, rates))
+            angles = elementwise(moved, tail(reached, rates), missed, gains[0])
+            base = head(position, memory.measured_base)
+            memory.measured_base = base
+            position = joined(base, angles)
+            rates = elementwise(moved, expected, missed, gains[1] / elapsed)
+            f = mechanism.motion(model, elementwise(_times, missed, 1.0 / (elapsed * elapsed)))
+            gain, slope_gain = gains[2], gains[3]
+            # The gain of d includes that of its slope.
+            gain = gain - slope_gain
+        else:
+            f = mechanism.motion(model, elementwise(_rate, rates, expected, elapsed))
+        slope = elementwise(moved, memory.acceleration_slope, f, slope_gain)
+        d = elementwise(_followed, memory.acceleration, slope, f, gain)
+        a = mechanism.motion(model, elementwise(_rate, expected, rates_before, elapsed))
+        memory.acceleration = d
+        memory.acceleration_slope = slope
+        memory.measured_acceleration = a
+    memory.state_time = now
+    memory.acts_from = now + total_latency(settings, memory)
+    memory.skipped = 0
+    memory.measured_position = position
+    memory.measured_rates = rates
+    memory.estimator_initialised = 1
+    memory.rates = rates
+    return State(position, rates, state.position_rates, state.desired)
+
+
+@formula
+def _start(settings: Any, memory: Any, position: Numbers) -> None:
+    """Assume that the last command acts on the first state, or if it is zero, a balance."""
+    torque = memory.commanded
+    if torque == elementwise(zero, torque):
+        model, theta = mechanism.model_of(settings), memory.estimate
+        posture = mechanism.posture(model, position)
+        still = elementwise(zero, torque)
+        torque = mechanism.joint_torques(model, mechanism.coriolis(model, posture, theta, still))
+    memory.acts_from = -math.inf
+    memory.history_initialised = 1
+    _store_command(memory, torque)
+
+
+@formula
+def _extrapolated(x: float, v: float, a: float, time: float) -> float:
+    return x + time * v + 0.5 * time * time * a
+
+
+@formula
+def _slipped(rate: float, rolling: float, predicted: float) -> float:
+    return rate - rolling + predicted
+
+
+@formula
+def _predicted_state(settings: Any, memory: Any, state: State) -> State:
+    """Return the state in which the next torque starts to act, and the reference of that time."""
+    state = _follow_state(settings, memory, state)
+    model = mechanism.model_of(settings)
+    now, latency = memory.state_time, total_latency(settings, memory)
+    position, rates = state.position, state.rates
+    if latency > 0.0:
+        position, rates = _advanced(settings, memory, position, rates, now, now + latency)
+    x, v, a = state.desired
+    lead = latency - settings.stamp_age
+    desired = (elementwise(_extrapolated, x, v, a, lead), elementwise(moved, v, a, lead), a)
+    rolling = mechanism.position_rates(
+        model, mechanism.posture(model, state.position), state.rates
+    )
+    predicted = mechanism.position_rates(model, mechanism.posture(model, position), rates)
+    # Slip of the wheels continues.
+    position_rates = elementwise(_slipped, state.position_rates, rolling, predicted)
+    if settings.velocity_source == ESTIMATED:
+        position_rates = predicted
+    return State(position, rates, position_rates, desired)
+
+
+@formula
+def _reduced_torque(settings: Any, memory: Any, posture: Any, raw: Numbers) -> Numbers:
+    """Return the torque of a law minus H d at the time at which it acts."""
+    model = mechanism.model_of(settings)
+    ahead = total_latency(settings, memory) / settings.period + 1.0
+    d = elementwise(moved, memory.acceleration, memory.acceleration_slope, ahead)
+    h = mechanism.inertia(model, posture, memory.estimate)
+    force = mechanism.inertia_times(model, h, d)
+    return elementwise(minus, raw, mechanism.joint_torques(model, force))
+
+
+@formula
+def _measured_error(
+    settings: Any, memory: Any, desired: Numbers, rate: Numbers, error: Numbers
+) -> Numbers:
+    """Return the error of the measured state at the time of its measurement."""
+    model, position = mechanism.model_of(settings), memory.measured_position
+    then = elementwise(moved, desired, rate, -settings.stamp_age)
+    return mechanism.task_error(model, mechanism.posture(model, position), position, then)
+
+
+@formula
+def _relative(gradient: float, nominal: float) -> float:
+    return gradient * nominal * nominal
+
+
+@formula
+def _measured_gradient(settings: Any, memory: Any, tick: Tick) -> Numbers:
+    """
+    Return Y' c d of the measured state and its estimated acceleration.
+
+    Steps are relative to theta, as those of natural adaptation. The adaptation must be slower
+    than d. Its rate is that at which a step of theta_hat reduces d, in the metric of H; a factor
+    limits it to 1 / (SLOWNESS (L + T)).
+    """
+    model, theta = tick.model, memory.estimate
+    posture = mechanism.posture(model, memory.measured_position)
+    v = mechanism.motion(model, memory.measured_rates)
+    d = memory.acceleration
+    y = mechanism.regressor(model, posture, v, v, memory.measured_acceleration)
+    w = elementwise(_times, d, ADAPTATION_TIME)
+    along = mechanism.regressor_transpose_times(model, y, w, tick.nominal)
+    if not mechanism.preserves_consistency(model, settings):
+        along = elementwise(_relative, along, tick.nominal)
+    adapted = mechanism.theta_step(model, settings, theta, along, tick.period)
+    change = elementwise(
+        minus,
+        mechanism.regressor_times(model, y, adapted),
+        mechanism.regressor_times(model, y, theta),
+    )
+    h = mechanism.inertia(model, posture, theta)
+    energy = tick.period * dot(d, mechanism.inertia_times(model, h, d))
+    reduction = max(0.0, dot(d, change))
+    time = SLOWNESS * (_usual_latency(settings) + tick.period)
+    whole = energy + time * reduction
+    return elementwise(_times, along, energy / whole if whole > 0.0 else 0.0)
+
+
+COMPENSATIONS = {
+    OFF: SimpleNamespace(
+        state_of_torque=_same_state,
+        reduced_torque=_same_torque,
+        error=_error_of_law,
+        gradient=_tracking_gradient,
+        horizon=_one_period,
+        is_on=_never,
+    ),
+    ON: SimpleNamespace(
+        state_of_torque=_predicted_state,
+        reduced_torque=_reduced_torque,
+        error=_measured_error,
+        gradient=_measured_gradient,
+        horizon=_horizon,
+        is_on=_always,
+    ),
+}
+"""Formulas by the tag `compensation` of the settings of a law."""
+
+_dispatch = interface(by_tag('compensation', COMPENSATIONS.__getitem__))
+
+
+@_dispatch
+def state_of_torque(settings: Any, memory: Any, state: State) -> State:
+    """Return the state and the reference for a law, of the measured state and its reference."""
+
+
+@_dispatch
+def reduced_torque(settings: Any, memory: Any, posture: Any, raw: Numbers) -> Numbers:
+    """Return the torque of a law minus that of the estimated disturbance."""
+
+
+@_dispatch
+def error(settings: Any, memory: Any, desired: Numbers, rate: Numbers, error: Numbers) -> Numbers:
+    """Return the error to publish; that of the law is of a predicted state."""
+
+
+@_dispatch
+def gradient(settings: Any, memory: Any, tick: Tick) -> Numbers:
+    """Return the gradient of the tracking or estimation error by theta_hat."""
+
+
+@_dispatch
+def horizon(settings: Any) -> float:
+    """Return the time in s in which the implicit law reaches the surface."""
+
+
+@_dispatch
+def is_on(settings: Any) -> bool:
+    """Return True if d is estimated, so laws do not estimate the disturbance themselves."""

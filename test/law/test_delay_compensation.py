@@ -1,0 +1,194 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Prediction and disturbance estimate with latency."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from helpers.core_loop import node_values
+from helpers.robots import PROPERTY
+from hypothesis import given
+from hypothesis import strategies as st
+from masmc_ros.control.state_lateness import StateLateness
+from masmc_ros.law.parts.delay_compensation import (
+    estimate_gain,
+    horizon,
+    MEMORY,
+    observer_gains,
+    SETTINGS,
+)
+from masmc_ros.loop.closed_loop import predict_state
+from masmc_ros.loop.controller import Controller
+from masmc_ros.loop.simulated_robot import SimulatedRobot
+from masmc_ros.nodes.controller.health import outdated_latency
+from masmc_ros.numerics.compiled import kernel
+from masmc_ros.numerics.lanes import lane_of
+from masmc_ros.robot.robot import robot_of
+import numpy as np
+from numpy.typing import NDArray
+import pytest
+
+PERIOD = 0.001
+AT_REST = {
+    'initial_pose': (0.0, 0.0, 1.5707963267948966),
+    'initial_joints': (0.0, 0.0, 0.7853981633974483, -1.5707963267948966),
+    'disturbance.amplitude': (0.0,) * 4,
+}
+LAW = {'law': 'smc', 'switching': 'implicit', 'model_scale': 1.0}
+
+
+class DelayedLoop:
+    """Planar robot whose controller receives old states and follows a point."""
+
+    def __init__(self, plant: dict[str, Any], **control: Any) -> None:
+        """Initialise the loop from parameters of the plant and of the controller."""
+        shared = {'control_period': PERIOD}
+        values = node_values(shared, plant={**AT_REST, **plant}, controller={**LAW, **control})
+        self.plant = SimulatedRobot(robot_of(values['plant']), PERIOD, values['plant'])
+        robot = robot_of(values['controller'])
+        self.controller = Controller(robot, PERIOD, values['controller'])
+        self.controller.set_stamp_age(self.plant.delay)
+        self.reference = np.zeros(12)
+        self.reference[:4] = robot.task_positions(self.plant.true_position[None])[0]
+
+    def run(self, ticks: int) -> None:
+        """Advance by a number of control periods."""
+        for _ in range(ticks):
+            plant = self.plant
+            self.controller.tick(plant.position, plant.velocity, self.reference)
+            plant.advance(self.controller.torque)
+
+    def predicted(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the positions and velocities in which the next torque would act."""
+        controller, plant = self.controller, self.plant
+        memory, signals = controller.memory.copy(), controller.signals.copy()
+        signals['position'][0, :, 0], signals['velocity'][0, :, 0] = plant.position, plant.velocity
+        result = signals.copy()
+        predict_state(controller.settings, memory, signals, result)
+        return result['position'][0, :, 0], result['velocity'][0, :, 0]
+
+
+@pytest.mark.parametrize('delay', [0.001, 0.004, 0.013])
+def test_prediction_true_model_equals_true_state(delay: float) -> None:
+    moving = {'initial_velocity': (2.0, -1.0, 0.5, 1.0), 'measurement_delay': delay}
+    loop = DelayedLoop(moving, latency=delay)
+    # The first measurement is repeated until the delay has passed, which disturbs the estimate.
+    loop.run(800)
+    position, velocity = loop.predicted()
+    np.testing.assert_allclose(position, loop.plant.true_position, atol=2e-6)
+    np.testing.assert_allclose(velocity, loop.plant.true_velocity, atol=2e-4)
+
+
+@pytest.mark.parametrize('source', ['measured', 'estimated'])
+def test_estimate_constant_disturbance_converges(source: str) -> None:
+    """At rest the drives balance the disturbance, and d is H^-1 of it."""
+    push = (0.4, 0.3, 1.0, 0.5)
+    delay = 0.004
+    constant = {'amplitude': push, 'frequency': (0.0,) * 4, 'phase': (0.5 * np.pi,) * 4}
+    plant = {f'disturbance.{name}': value for name, value in constant.items()}
+    loop = DelayedLoop(
+        {**plant, 'measurement_delay': delay}, latency=delay, velocity_source=source
+    )
+    loop.run(4000)
+    np.testing.assert_allclose(loop.controller.torque, -np.array(push), atol=1e-7)
+    assert np.abs(loop.controller.memory['acceleration_slope']).max() < 1e-9
+    error = loop.controller.robot.task_positions(loop.plant.true_position[None])[0]
+    np.testing.assert_allclose(error, loop.reference[:4], atol=1e-8)
+
+
+@PROPERTY
+@given(
+    bandwidth=st.floats(1.0, 1e4),
+    period=st.floats(1e-4, 0.02),
+    gain=st.floats(0.01, 0.5),
+    slope=st.floats(0.0, 1.0),
+)
+def test_observer_gains_place_declared_poles(
+    bandwidth: float, period: float, gain: float, slope: float
+) -> None:
+    slope_gain = slope * gain * gain
+    gains = np.array(observer_gains(bandwidth, period, gain, slope_gain))
+    step = np.array([[1, 1, 0.5, 0], [0, 1, 1, 0], [0, 0, 1, 1], [0, 0, 0, 1.0]])
+    error = (np.eye(4) - np.outer(gains, [1, 0, 0, 0])) @ step
+    pole = 1.0 / (1.0 + bandwidth * period)
+    filtered, estimated = np.poly([pole, pole]), [1, gain + slope_gain - 2, 1 - gain]
+    expected = np.convolve(filtered, estimated)
+    np.testing.assert_allclose(np.poly(error), expected, atol=1e-9)
+
+
+@kernel
+def rule_of(settings: Any) -> tuple[float, float]:
+    """Return h in s and beta of settings."""
+    gains = lane_of(settings[0], 0)
+    return horizon(gains), estimate_gain(gains)
+
+
+def test_rule_sets_horizon_and_gain() -> None:
+    def rule(**control: float) -> tuple[float, float]:
+        settings = DelayedLoop({}, **control).controller.settings
+        horizon_and_gain: tuple[float, float] = rule_of(settings)
+        return horizon_and_gain
+
+    assert rule(latency=0.01) == pytest.approx((0.02, 0.1))
+    assert rule(latency=0.006, motor_lag=0.004) == pytest.approx((0.02, 0.1))
+    assert rule(latency=0.0005) == pytest.approx((0.002, 0.25))
+    explicit = {'compensation.horizon': 0.003, 'compensation.gain': 0.4}
+    assert rule(latency=0.01, **explicit) == pytest.approx((0.003, 0.4))
+
+
+def test_latency_zero_has_no_further_state() -> None:
+    controller = DelayedLoop({}).controller
+    names = {*(controller.settings.dtype.names or ()), *(controller.memory.dtype.names or ())}
+    assert names.isdisjoint(field.name for field in (*MEMORY, *SETTINGS))
+
+
+def test_latency_changes_live_and_back() -> None:
+    """A change takes effect at the next tick; without latency the law is that of the start."""
+    loop, other = DelayedLoop({}), DelayedLoop({})
+    loop.controller.change({'latency': 0.002})
+    assert loop.controller.is_compensated
+    loop.run(50)
+    loop.controller.change({'latency': 0.003})
+    loop.run(50)
+    loop.controller.change({'latency': 0.0})
+    assert not loop.controller.is_compensated
+    assert loop.controller.settings.dtype == other.controller.settings.dtype
+    assert loop.controller.memory.dtype == other.controller.memory.dtype
+    loop.run(50)
+    assert np.isfinite(loop.controller.torque).all()
+
+
+def test_skipped_ticks_prediction_accounts_for_held_torque() -> None:
+    moving = {'initial_velocity': (2.0, -1.0, 0.5, 1.0), 'measurement_delay': 0.004}
+    loop = DelayedLoop(moving, latency=0.004)
+    loop.run(500)
+    for _ in range(3):
+        loop.plant.advance(loop.controller.torque)
+    loop.controller.skip(3)
+    before = loop.controller.memory['acceleration'].copy()
+    loop.controller.tick(loop.plant.position, loop.plant.velocity, loop.reference)
+    # The model is true: the estimate changes by the error of integration only.
+    change = loop.controller.memory['acceleration'] - before
+    assert np.abs(change).max() < 1e-2
+    np.testing.assert_allclose(loop.controller.memory['state_time'], 0.503)
+
+
+def test_lateness_constant_age_is_zero_at_any_clock() -> None:
+    lateness = StateLateness()
+    late = [lateness.add(10**18 + k * 10**6, 77.0 + 1e-3 * k) for k in range(100)]
+    np.testing.assert_allclose(late, 0.0, atol=1e-8)
+    assert lateness.add(10**18 + 100 * 10**6, 77.1 + 0.004) == pytest.approx(0.004, rel=0.02)
+
+
+def test_warning_latency_too_short_names_right_value() -> None:
+    controller = DelayedLoop({}, latency=0.002).controller
+    assert outdated_latency(controller, 0.0025) == ''
+    assert outdated_latency(controller, -3.0) == ''
+    text = outdated_latency(controller, 0.0063)
+    assert text.startswith('latency = 0.002: the states are 6.3 ms old')
+    assert 'at least 0.0063' in text
+    # A simulated plant with a delay stamps its states late.
+    controller.set_stamp_age(0.004)
+    assert 'at least 0.0073' in outdated_latency(controller, 0.0033)

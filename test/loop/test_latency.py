@@ -1,0 +1,118 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Errors of closed loops with compensated latency, see docs/theory/latency.md."""
+
+from __future__ import annotations
+
+from pathlib import Path
+import sys
+
+from masmc_ros.loop.simulation import Simulation
+from masmc_ros.params.scenario import load_scenario
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parents[2]
+sys.path.append(str(ROOT / 'tools'))
+
+from latency_map import error_of, growth  # noqa: E402
+
+SMC = ('controller.law=smc', 'controller.switching=implicit')
+
+
+def result(file: str, *settings: str) -> tuple[float, float]:
+    """Return the RMS of the true distance of the first point in mm, and the torque variation."""
+    simulation = Simulation(load_scenario(str(ROOT / 'config' / file), settings))
+    (run,) = simulation.run(block=30_000)
+    error = run.true_error(simulation.plant.robot)
+    half, mechanism = len(error) // 2, simulation.plant.mechanism
+    place = error[half:-1, :mechanism.points[0].size]
+    duration = half * simulation.timing.period
+    variation = float(np.abs(np.diff(run.torque[half:], axis=0)).sum()) / duration
+    return 1e3 * float(np.sqrt((place**2).sum(axis=1).mean())), variation
+
+
+def delayed(latency: float, assumed: float | None = None) -> tuple[str, ...]:
+    """Return the settings of a latency and the assumed one in s."""
+    return (
+        f'plant.measurement_delay={latency}',
+        f'controller.latency={latency if assumed is None else assumed}',
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ('latency', 'largest'), [(0.002, 0.06), (0.005, 0.15), (0.01, 0.55), (0.02, 3.8)]
+)
+def test_planar_robot_by_rule_has_documented_error(latency: float, largest: float) -> None:
+    error, variation = result('paper.yaml', *SMC, *delayed(latency))
+    assert error < largest
+    assert variation < 15.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ('latency', 'gain', 'horizon', 'largest'),
+    [(0.002, 0.2, 0.5, 0.05), (0.005, 0.2, 0.5, 0.1), (0.01, 0.1, 0.5, 0.25), (0.02, 0.1, 1, 0.8)],
+)
+def test_planar_robot_other_gains_have_documented_error(
+    latency: float, gain: float, horizon: float, largest: float
+) -> None:
+    gains = (
+        f'controller.compensation.gain={gain}',
+        f'controller.compensation.horizon={horizon * latency}',
+        'controller.compensation.slope=0.5',
+    )
+    error, variation = result('paper.yaml', *SMC, *gains, *delayed(latency))
+    assert error < largest
+    assert variation < 15.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('assumed', [0.007, 0.013])
+def test_planar_robot_wrong_latency_error_below_one_mm(assumed: float) -> None:
+    error, variation = result('paper.yaml', *SMC, *delayed(0.01, assumed))
+    assert error < 1.0
+    assert variation < 15.0
+
+
+@pytest.mark.slow
+def test_planar_robot_100_hz_estimate_halves_error() -> None:
+    at_100_hz = (*SMC, 'control_period=0.01')
+    assert result('paper.yaml', *at_100_hz, 'controller.compensation.gain=0.5')[0] < 1.3
+    slope = 'controller.compensation.slope=0.4'
+    assert result('paper.yaml', *at_100_hz, slope, *delayed(0.01))[0] < 3.5
+
+
+@pytest.mark.slow
+def test_planar_robot_estimated_velocities_noise_bounded() -> None:
+    """Encoders, noise of the velocities that are not used, and adaptation."""
+    settings = (
+        'controller.law=rasmc',
+        'controller.switching=implicit',
+        'controller.velocity_source=estimated',
+        'plant.encoder_resolution=0.0001',
+        'plant.velocity_noise=0.05',
+    )
+    assert result('paper.yaml', *settings, *delayed(0.01))[0] < 1.0
+
+
+@pytest.mark.slow
+def test_tiago_latency_10_ms_error_below_tenth_mm() -> None:
+    settings = ('controller.law=smc', *delayed(0.01))
+    assert result('tiago.yaml', *settings)[0] < 0.1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(('latency', 'mass'), [(8, 1.5), (15, 1.0), (16, 0.5), (12, 0.5)])
+def test_linear_limit_of_latency_stable_loop_is_stable(latency: int, mass: float) -> None:
+    assert growth(latency, mass) < 1.0
+    assert error_of(latency, mass) < 1.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(('latency', 'mass'), [(5, 1.5), (18, 1.0), (20, 0.5), (10, 2.5)])
+def test_linear_limit_of_latency_unstable_loop_diverges(latency: int, mass: float) -> None:
+    assert growth(latency, mass) > 1.0
+    assert np.isnan(error_of(latency, mass))
