@@ -1,9 +1,12 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Lateness of states: their age relative to the mean age, from stamps and times of arrival."""
+"""Age of states, from stamps and times of arrival: deviations from its mean, and a check."""
 
 from __future__ import annotations
+
+from masmc_ros.law.parts.delay_compensation import LONGEST
+from masmc_ros.loop.controller import Controller
 
 _MEMORY = 1000
 """Number of states after which the weight of a state in the mean has fallen to 1/e."""
@@ -33,3 +36,27 @@ class StateLateness:
         age = 1e-9 * (difference - self._origin)
         self._mean += (age - self._mean) / self._count
         return age - self._mean
+
+
+def outdated_latency(controller: Controller, age: float) -> str:
+    """
+    Return a warning if states are older than `latency`, '' otherwise.
+
+    Parameters
+    ----------
+    controller
+        Controller with its parameters.
+    age
+        Mean age of the states in s when their commands are sent, by their stamps. It is a part
+        of the latency, so it is a lower bound. Ages below zero are those of another clock.
+
+    """
+    latency = controller.values['latency'] + controller.values['motor_lag']
+    total = age + controller.stamp_age
+    if controller.commands_rates or not latency + controller.period < total < LONGEST:
+        return ''
+    return (
+        f'latency = {controller.values["latency"]:g}: the states are {1e3 * total:.1f} ms old '
+        f'when they are answered; expected at least {total - controller.values["motor_lag"]:.4f}, '
+        'and the delay of the drives in addition'
+    )

@@ -11,7 +11,7 @@ from helpers.core_loop import node_values
 from helpers.robots import PROPERTY
 from hypothesis import given
 from hypothesis import strategies as st
-from masmc_ros.control.state_lateness import StateLateness
+from masmc_ros.control.state_lateness import outdated_latency, StateLateness
 from masmc_ros.law.parts.delay_compensation import (
     estimate_gain,
     horizon,
@@ -22,7 +22,6 @@ from masmc_ros.law.parts.delay_compensation import (
 from masmc_ros.loop.closed_loop import predict_state
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulated_robot import SimulatedRobot
-from masmc_ros.nodes.controller.health import outdated_latency
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.robot.robot import robot_of

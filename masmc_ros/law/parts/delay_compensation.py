@@ -45,6 +45,14 @@ LONGEST = 0.1
 HISTORY = 128
 """Stored commands; a power of two. Latency is limited to two periods less."""
 
+JITTER = 0.3
+"""
+Largest deviation from the usual latency that is compensated, relative to it.
+
+Any constant error of this size is tolerated. Stamps can deceive: a simulated plant that was late
+itself continues from its last tick.
+"""
+
 LONGEST_STEP = 0.005
 """Longest step of the model in s."""
 
@@ -193,8 +201,9 @@ def _usual_latency(settings: Any) -> float:
 @formula
 def total_latency(settings: Any, memory: Any) -> float:
     """Return L of the current state in s."""
-    longest = (HISTORY - 2) * settings.period
-    return min(max(_usual_latency(settings) + memory.later, 0.0), longest)
+    usual = _usual_latency(settings)
+    most, longest = JITTER * usual, (HISTORY - 2) * settings.period
+    return min(usual + min(max(memory.later, -most), most), longest)
 
 
 @formula

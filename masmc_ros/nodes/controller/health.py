@@ -9,8 +9,8 @@ from collections.abc import Sequence
 import time
 
 from masmc_ros.control.controller_core import ControllerCore
+from masmc_ros.control.state_lateness import outdated_latency
 from masmc_ros.control.supervisor import ACTIVE, FAULT
-from masmc_ros.law.parts.delay_compensation import LONGEST
 from masmc_ros.loop.controller import Controller
 from masmc_ros.nodes.controller.command_output import CommandOutput
 from masmc_ros.nodes.controller.limited_ticks import Saturation
@@ -157,30 +157,6 @@ class ControllerHealth:
             f'that of an earlier state, and |e| reached {error:.3g}; use a longer control_period, '
             'or publish fewer messages (telemetry_decimation, tf_decimation)'
         )
-
-
-def outdated_latency(controller: Controller, age: float) -> str:
-    """
-    Return a warning if states are older than `latency`, '' otherwise.
-
-    Parameters
-    ----------
-    controller
-        Controller with its parameters.
-    age
-        Mean age of the states in s when their commands are sent, by their stamps. It is a part
-        of the latency, so it is a lower bound. Ages below zero are those of another clock.
-
-    """
-    latency = controller.values['latency'] + controller.values['motor_lag']
-    total = age + controller.stamp_age
-    if controller.commands_rates or not latency + controller.period < total < LONGEST:
-        return ''
-    return (
-        f'latency = {controller.values["latency"]:g}: the states are {1e3 * total:.1f} ms old '
-        f'when they are answered; expected at least {total - controller.values["motor_lag"]:.4f}, '
-        'and the delay of the drives in addition'
-    )
 
 
 def _is_simulated(clock: Clock) -> bool:
