@@ -5,24 +5,33 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Iterable, Mapping
+from typing import Any, NamedTuple
 
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.law import registry
 from masmc_ros.law.law import Law
+from masmc_ros.law.reaching.implicit import IMPLICIT
+from masmc_ros.report.measure.labels import OBSERVER
 from masmc_ros.robot.declaration import Mechanism
 
 
 class Contender(NamedTuple):
-    """A law with its switching term; empty: that of the scenario."""
+    """
+    A law with its switching term; empty: that of the scenario.
+
+    `observes` is true if it estimates the disturbance, which laws with a reaching term lack.
+    """
 
     law: str
     switching: str = ''
+    observes: bool = False
 
     @property
     def label(self) -> str:
         """Return the name in tables."""
-        return f'{self.law}:{self.switching}' if self.switching else self.law
+        name = f'{self.law}:{self.switching}' if self.switching else self.law
+        return f'{name}{OBSERVER}' if self.observes else name
 
     @property
     def settings(self) -> tuple[str, ...]:
@@ -62,6 +71,21 @@ def contenders(names: str, mechanism: Mechanism, own: str) -> tuple[Contender, .
             raise InputError(f"--laws: '{name}': {law} has no reaching term; write {law}")
         selected.append(Contender(law, switching))
     return tuple(dict.fromkeys(selected))
+
+
+def marked(chosen: Iterable[Contender], controller: Mapping[str, Any]) -> tuple[Contender, ...]:
+    """Return contenders whose names show the estimate that a controller's values switch on."""
+    has_gain = controller['observer_gain'] > 0.0
+    return tuple(
+        contender._replace(observes=has_gain and _is_implicit(contender, controller['switching']))
+        for contender in chosen
+    )
+
+
+def _is_implicit(contender: Contender, own: str) -> bool:
+    law = registry.load(contender.law)
+    is_switched = isinstance(law, Law) and law.uses_switching
+    return is_switched and (contender.switching or own) == IMPLICIT.name
 
 
 def _every(mechanism: Mechanism, own: str) -> list[Contender]:

@@ -12,7 +12,7 @@ from pathlib import Path
 import sys
 from textwrap import fill
 
-from masmc_ros.compare.ranking import COMPARED, LOST, Ranked
+from masmc_ros.compare.ranking import COMPARED, LOST, Ranked, Row
 from masmc_ros.compare.trials import Trial
 from masmc_ros.law import registry
 from masmc_ros.law.law import Law
@@ -40,15 +40,13 @@ def text(
     top = [('', *row) for row in zip(*_heads(points), strict=True)]
     lines = [f'{trials[0].description}:', '', *aligned([*top, *body], (1,), keys=2, width=width)]
     if len(trials) > 1:
-        rows = [
-            [entry.contender.label, *(_small(entry.rows[t.name].error) for t in trials)]
-            for entry in ranked
-        ]
         names = ['law', *(trial.name for trial in trials)]
-        symbols = ', '.join(point.symbol for point in points)
-        together = ' together' if len(points) > 1 else ''
-        head = f'RMS error of {symbols}{together}, {_units(points)}:'
-        lines += ['', head, '', *aligned([names, *rows], (0,), width=width), '']
+        for head, cells in _of_trials(ranked, trials, points):
+            rows = [
+                [entry.contender.label, *row] for entry, row in zip(ranked, cells, strict=True)
+            ]
+            lines += ['', f'{head}:', '', *aligned([names, *rows], (0,), width=width)]
+        lines += ['']
         lines += [fill(f'{trial.name}: {trial.description}', width) for trial in trials[1:]]
     runs = next(iter(ranked[0].rows.values())).runs
     notes = (
@@ -58,6 +56,34 @@ def text(
     )
     lines += ['', *(fill(note, width) for note in notes)]
     return '\n'.join(lines) + '\n'
+
+
+def _of_trials(
+    ranked: Sequence[Ranked], trials: Sequence[Trial], points: Sequence[Point]
+) -> list[tuple[str, list[list[str]]]]:
+    """Return heads and cells of the tables of error and variation by trials."""
+    together = ' together' if len(points) > 1 else ''
+    variation = COMPARED['torque_variation']
+    errors, variations = (
+        [[cell(entry.rows[trial.name]) for trial in trials] for entry in ranked]
+        for cell in (_error, _variation)
+    )
+    return [
+        (f'RMS error of {symbols_of(points)}{together}, {_units(points)}', errors),
+        (f'{variation.head.capitalize()}, {variation.unit}', variations),
+    ]
+
+
+def _error(row: Row) -> str:
+    return _small(row.error)
+
+
+def _variation(row: Row) -> str:
+    return _effort(row.efforts['torque_variation'])
+
+
+def _effort(value: float) -> str:
+    return number(value) if math.isfinite(value) else '-'
 
 
 def _heads(points: Sequence[Point]) -> list[tuple[str, str]]:
@@ -87,7 +113,7 @@ def _cells(entry: Ranked, trial: str, points: Sequence[Point]) -> list[str]:
         entry.contender.label,
         *(_small(row.errors.get(point.key, math.inf)) for point in points),
         _small(row.largest),
-        *(number(v) if math.isfinite(v) else '-' for v in row.efforts.values()),
+        *map(_effort, row.efforts.values()),
         f'{row.lost}/{row.runs}',
     ]
 

@@ -5,11 +5,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 import math
 from typing import Any
 
 from masmc_ros.errors import InputError, suggestion
+from masmc_ros.law.reaching.implicit import OBSERVER_GAIN
 from masmc_ros.robot.declaration import Mechanism
 import numpy as np
 
@@ -31,6 +33,12 @@ class Trial:
         return tuple(setting.format(**drives) for setting in self.settings)
 
 
+_LIMITS = (
+    'controller.torque_limit={torque_limit}',
+    'controller.torque_rate_limit={torque_rate_limit}',
+)
+"""Settings of a controller that knows the limits of the drives."""
+
 AS_IS = Trial('as it is', 'the scenario itself')
 
 TRIALS = (
@@ -47,19 +55,52 @@ TRIALS = (
     Trial(
         'limits',
         "torques and their rates within the drives' limits",
-        (
-            'controller.torque_limit={torque_limit}',
-            'controller.torque_rate_limit={torque_rate_limit}',
-        ),
+        _LIMITS,
     ),
 )
 
 
+def _trial_of_laws(milliseconds: int, *, is_limited: bool, observes: bool) -> Trial:
+    """Return a trial of all laws with a control period."""
+    gain = 0.3 if observes else 0.0
+    settings = [
+        f'control_period={1e-3 * milliseconds}',
+        f'controller.{OBSERVER_GAIN.name}={gain}',
+        *(_LIMITS if is_limited else ()),
+    ]
+    name = f'{milliseconds} ms{", limits" if is_limited else ""}{", observer" if observes else ""}'
+    parts = [f'a control period of {milliseconds} ms']
+    parts += ["the drives' limits"] if is_limited else []
+    parts += [f'observer_gain {gain} of the implicit law'] if observes else []
+    return Trial(name, ', '.join(parts), tuple(settings))
+
+
+TRIALS_OF_LAWS = tuple(
+    _trial_of_laws(milliseconds, is_limited=is_limited, observes=observes)
+    for milliseconds in (1, 2, 10)
+    for is_limited in (False, True)
+    for observes in (False, True)
+)
+"""Trials of the table of all laws: periods, with and without limits and a disturbance estimate."""
+
+_GROUPS = {'all': TRIALS, 'laws': TRIALS_OF_LAWS}
+
+
+def sets_observer(trials: Iterable[Trial]) -> bool:
+    """Return True if trials choose the gain of the disturbance estimate."""
+    settings = (setting for trial in trials for setting in trial.settings)
+    return any(setting.startswith(f'controller.{OBSERVER_GAIN.name}=') for setting in settings)
+
+
 def trials_named(names: str) -> tuple[Trial, ...]:
-    """Return trials by their names, separated by commas; InputError for an unknown one."""
+    """
+    Return trials by their names, separated by commas.
+
+    `all` and `laws` are groups of trials. Raises InputError for an unknown name.
+    """
     known = {trial.name: trial for trial in TRIALS}
-    if names == 'all':
-        return TRIALS
+    if names in _GROUPS:
+        return _GROUPS[names]
     selected = []
     for name in map(str.strip, names.split(',')):
         if name not in known:

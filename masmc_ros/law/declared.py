@@ -11,6 +11,9 @@ from dataclasses import dataclass
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot.declaration import Mechanism
 
+_PER_RADIAN = 0.1
+"""Default of a gain in N for a task axis in rad, relative to an axis in m: a lever of 0.3 m."""
+
 
 @dataclass(frozen=True)
 class PerEntry:
@@ -24,7 +27,8 @@ class PerEntry:
     size
         Kind of its entries: 'axes', 'joints' or 'parameters'.
     default
-        Default of every entry, or the name of the mechanism's default.
+        Default of every entry, or the name of the mechanism's default. Task axes in rad have a
+        tenth of a gain in N, so rotations and translations have similar natural frequencies.
     description
         Meaning; the description of the entries is appended.
     unit
@@ -44,13 +48,19 @@ class PerEntry:
     note: str = ''
     is_positive: bool = False
 
+    def _shares(self, mechanism: Mechanism) -> tuple[float, ...]:
+        """Return the default of each entry relative to that of an axis in m."""
+        if self.size != 'axes' or not self.unit.startswith('N'):
+            return (1.0,) * mechanism.sizes[self.size]
+        return tuple(_PER_RADIAN if axis.unit == 'rad' else 1.0 for axis in mechanism.axes)
+
     def of(self, mechanism: Mechanism) -> Parameter:
         """Return the declaration for a mechanism."""
         length = mechanism.sizes[self.size]
         default = (
             mechanism.default(self.default, self.size)
             if isinstance(self.default, str)
-            else (self.default,) * length
+            else tuple(self.default * share for share in self._shares(mechanism))
         )
         return Parameter(
             self.name,

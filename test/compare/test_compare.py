@@ -11,9 +11,9 @@ from pathlib import Path
 from masmc_ros.cli.main import main
 from masmc_ros.compare import campaign
 from masmc_ros.compare.campaign import compute, Task
-from masmc_ros.compare.contenders import Contender, contenders
+from masmc_ros.compare.contenders import Contender, contenders, marked
 from masmc_ros.compare.ranking import ranking
-from masmc_ros.compare.trials import AS_IS, drawn, TRIALS, trials_named
+from masmc_ros.compare.trials import AS_IS, drawn, sets_observer, TRIALS, trials_named
 from masmc_ros.errors import InputError
 from masmc_ros.law import registry
 from masmc_ros.loop.batch_simulation import BatchSimulation
@@ -136,6 +136,26 @@ def test_compare_all_selects_every_law_and_trial() -> None:
     assert [c for c in others if c.law == 'pid'] == [Contender('pid')]
     assert trials_named('all') == TRIALS
     assert trials_named('delay')[0] is AS_IS
+
+
+def test_trials_of_laws_vary_period_limits_and_observer() -> None:
+    trials = trials_named('laws')
+    assert len({trial.settings_for(TWO_LINK) for trial in trials}) == len(trials) == 12
+    scenarios = [load_scenario(PAPER, trial.settings_for(TWO_LINK)) for trial in trials]
+    assert {s['plant']['control_period'] for s in scenarios} == {0.001, 0.002, 0.01}
+    assert {s['controller']['observer_gain'] for s in scenarios} == {0.0, 0.3}
+    assert {any(s['controller']['torque_limit']) for s in scenarios} == {False, True}
+    assert sets_observer(trials)
+    assert not sets_observer(TRIALS)
+
+
+def test_contender_with_disturbance_estimate_is_marked() -> None:
+    chosen = contenders('smc,smc:implicit,pid', TWO_LINK, 'tanh')
+    labels = [c.label for c in marked(chosen, {'switching': 'tanh', 'observer_gain': 0.5})]
+    assert labels == ['smc', 'smc:implicit + observer', 'pid']
+    labels = [c.label for c in marked(chosen, {'switching': 'implicit', 'observer_gain': 0.5})]
+    assert labels[0] == 'smc + observer'
+    assert marked(chosen, {'switching': 'implicit', 'observer_gain': 0.0}) == chosen
 
 
 def test_laws_command_lists_laws_with_sources(capsys: pytest.CaptureFixture[str]) -> None:

@@ -41,8 +41,8 @@ KNOWN = Metrics(
         ({'law': 'rasmc', 'boundary_layer': 0.05}, 'rasmc, tanh δ 0.05'),
         ({'law': 'nonlinear_feedback'}, 'nonlinear_feedback'),
         ({'switching': 'sign'}, 'smc, sign'),
-        ({'switching': 'implicit', 'observer_gain': 0.5}, 'smc, implicit, β 0.5'),
-        ({'switching': 'implicit'}, 'smc, implicit, β 0'),
+        ({'switching': 'implicit', 'observer_gain': 0.5}, 'smc, implicit + observer, β 0.5'),
+        ({'switching': 'implicit'}, 'smc, implicit'),
         ({'law': 'mine', 'switching': None}, 'mine'),
     ],
 )

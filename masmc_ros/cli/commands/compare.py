@@ -11,10 +11,10 @@ from pathlib import Path
 
 from masmc_ros.cli.arguments import add_file, add_json, add_output, add_settings
 from masmc_ros.compare.campaign import outcomes, Task
-from masmc_ros.compare.contenders import contenders
+from masmc_ros.compare.contenders import contenders, marked
 from masmc_ros.compare.ranking import ranking
 from masmc_ros.compare.tables import as_json, page, text
-from masmc_ros.compare.trials import trials_named
+from masmc_ros.compare.trials import sets_observer, trials_named
 from masmc_ros.errors import InputError
 from masmc_ros.law.command_interface import takes_rates
 from masmc_ros.params.scenario import load_scenario
@@ -42,7 +42,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--trials',
         default='all',
         metavar='TRIAL,...',
-        help='trials in addition to the unmodified scenario (%(default)s)',
+        help='trials in addition to the unmodified scenario (%(default)s); laws: periods of 1, 2'
+        ' and 10 ms, with and without limits and disturbance estimate',
     )
     parser.add_argument(
         '--seeds',
@@ -75,10 +76,12 @@ def run(options: argparse.Namespace) -> int:
             ' effort'
         )
     mechanism = mechanism_from(scenario['plant'])
-    trials = trials_named(options.trials)
+    trials, controller = trials_named(options.trials), scenario['controller']
+    chosen = contenders(options.laws, mechanism, controller['switching'])
+    if not sets_observer(trials):
+        chosen = marked(chosen, controller)
     tasks = [
-        Task(file, tuple(options.set), contender, trials, options.seeds)
-        for contender in contenders(options.laws, mechanism, scenario['controller']['switching'])
+        Task(file, tuple(options.set), contender, trials, options.seeds) for contender in chosen
     ]
     folder = Path(options.output)
     make_folder(folder)

@@ -26,7 +26,9 @@ from masmc_ros.law.parts.fuzzy_sets import (
     SEVEN,
     train_rules,
 )
+from masmc_ros.law.parts.inverse_dynamics import limited_force
 from masmc_ros.law.parts.model import ESTIMATE, model_torque
+from masmc_ros.law.parts.realisable import realisable
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.aliases import Axes, Joints, Numbers
@@ -103,18 +105,30 @@ def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
 
 
 @formula
+def _realisable(s: float, excess: float, a: float, gamma: float, period: float) -> float:
+    """Return the s that fits the applied u; T gamma keeps the rules stable at any gains."""
+    return realisable(s, excess, a + period * gamma)
+
+
+@formula
 def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: Joints) -> None:
-    """Adapt the rules, except while the torque is limited, to avoid wind-up."""
-    if torque == raw:
-        degrees = elementwise(_degrees, tick.surface, settings.fuzzy_gain_span)
-        gamma = settings.fuzzy_gain_gamma
-        train_rules(
-            in_place(memory, 'fuzzy_gain_theta'),
-            degrees,
-            elementwise(alone, tick.surface),
-            elementwise(learning_step, tick.surface, gamma, tick.period),
-            tick.period * settings.fuzzy_gain_leak,
-        )
+    """Adapt the rules by the s that fits the commanded torque."""
+    gamma = settings.fuzzy_gain_gamma
+    s = elementwise(
+        _realisable,
+        tick.surface,
+        limited_force(tick, raw, torque),
+        settings.fuzzy_gain_a,
+        gamma,
+        tick.period,
+    )
+    train_rules(
+        in_place(memory, 'fuzzy_gain_theta'),
+        elementwise(_degrees, tick.surface, settings.fuzzy_gain_span),
+        elementwise(alone, tick.surface),
+        elementwise(learning_step, s, gamma, tick.period),
+        tick.period * settings.fuzzy_gain_leak,
+    )
 
 
 FUZZY_GAIN = Law(

@@ -36,12 +36,14 @@ from masmc_ros.law.parts.fuzzy_sets import (
 )
 from masmc_ros.law.parts.inverse_dynamics import rate_error
 from masmc_ros.law.parts.model import ESTIMATE
+from masmc_ros.law.parts.realisable import realisable, secant
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.aliases import Joints, Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.lanes import in_place
+from masmc_ros.numerics.scalars import minus
 from masmc_ros.numerics.tuples import dot, elementwise
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
@@ -170,28 +172,53 @@ def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
 
 
 @formula
+def _realisable(
+    z: float,
+    excess: float,
+    k: float,
+    k_h: float,
+    span: float,
+    gamma: float,
+    gamma_h: float,
+    period: float,
+) -> float:
+    """Return the z that fits the applied torque; the growth keeps the rules stable."""
+    return realisable(z, excess, secant(k, k_h, z, span) + period * (gamma + gamma_h))
+
+
+@formula
 def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: Joints) -> None:
-    """Adapt all rules, except while the torque is limited, to avoid wind-up."""
-    if torque == raw:
-        z = rate_error(tick)
-        first, second, third = _inputs(settings, tick, z)
-        gamma = settings.fuzzy_model_gamma
-        gamma_h = settings.fuzzy_model_gamma_h
-        pull = tick.period * settings.fuzzy_model_leak
-        train_rules(
-            in_place(memory, 'fuzzy_model_theta'),
-            first,
-            second,
-            elementwise(learning_step, z, gamma, -tick.period),
-            pull,
-        )
-        train_rules(
-            in_place(memory, 'fuzzy_model_eta'),
-            third,
-            elementwise(alone, z),
-            elementwise(learning_step, z, gamma_h, tick.period),
-            pull,
-        )
+    """Adapt all rules by the z that fits the commanded torque."""
+    z = rate_error(tick)
+    first, second, third = _inputs(settings, tick, z)
+    gamma = settings.fuzzy_model_gamma
+    gamma_h = settings.fuzzy_model_gamma_h
+    pull = tick.period * settings.fuzzy_model_leak
+    fitting = elementwise(
+        _realisable,
+        z,
+        elementwise(minus, torque, raw),
+        settings.fuzzy_model_k,
+        settings.fuzzy_model_k_h,
+        settings.fuzzy_model_error_span,
+        gamma,
+        gamma_h,
+        tick.period,
+    )
+    train_rules(
+        in_place(memory, 'fuzzy_model_theta'),
+        first,
+        second,
+        elementwise(learning_step, fitting, gamma, -tick.period),
+        pull,
+    )
+    train_rules(
+        in_place(memory, 'fuzzy_model_eta'),
+        third,
+        elementwise(alone, z),
+        elementwise(learning_step, fitting, gamma_h, tick.period),
+        pull,
+    )
 
 
 FUZZY_MODEL = Law(

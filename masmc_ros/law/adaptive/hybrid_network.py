@@ -30,8 +30,9 @@ from masmc_ros.law.parts.fuzzy_sets import (
     RULES,
     train_rules,
 )
-from masmc_ros.law.parts.inverse_dynamics import model_forces, rate_error
+from masmc_ros.law.parts.inverse_dynamics import limited_motion, model_forces, rate_error
 from masmc_ros.law.parts.model import ESTIMATE
+from masmc_ros.law.parts.realisable import realisable, realisable_part, secant
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.reaching.saturation import saturation
 from masmc_ros.law.tick import Tick
@@ -150,29 +151,44 @@ def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
 
 
 @formula
+def _realisable(z: float, excess: float, slope: float, gamma: float, period: float) -> float:
+    """Return the z that fits the applied torque; T gamma keeps the rules stable."""
+    return realisable(z, excess, slope + period * gamma)
+
+
+@formula
 def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: Joints) -> None:
-    """Adapt rules and robust gain, except while the torque is limited, to avoid wind-up."""
-    if torque == raw:
-        z = rate_error(tick)
-        first, second = _inputs(settings, tick, z)
-        leak = settings.hybrid_network_leak
-        train_rules(
-            in_place(memory, 'hybrid_network_weights'),
-            first,
-            second,
-            elementwise(learning_step, z, settings.hybrid_network_gamma, tick.period),
-            tick.period * leak,
-        )
-        robust = elementwise(
-            grown,
-            memory.hybrid_network_robust,
-            z,
-            settings.hybrid_network_rate,
-            settings.hybrid_network_delta,
-            leak,
-            tick.period,
-        )
-        memory.hybrid_network_robust = robust
+    """Adapt rules and robust gain by the z that fits the commanded torque."""
+    z = rate_error(tick)
+    first, second = _inputs(settings, tick, z)
+    leak, gamma = settings.hybrid_network_leak, settings.hybrid_network_gamma
+    a = limited_motion(tick, memory.estimate, raw, torque)
+    excess = mechanism.joint_rates(tick.model, a)
+    slope = elementwise(
+        secant,
+        settings.hybrid_network_k,
+        memory.hybrid_network_robust,
+        z,
+        settings.hybrid_network_delta,
+    )
+    fitting = elementwise(_realisable, z, excess, slope, gamma, tick.period)
+    train_rules(
+        in_place(memory, 'hybrid_network_weights'),
+        first,
+        second,
+        elementwise(learning_step, fitting, gamma, tick.period),
+        tick.period * leak,
+    )
+    robust = elementwise(
+        grown,
+        memory.hybrid_network_robust,
+        elementwise(realisable_part, z, excess, slope),
+        settings.hybrid_network_rate,
+        settings.hybrid_network_delta,
+        leak,
+        tick.period,
+    )
+    memory.hybrid_network_robust = robust
 
 
 HYBRID_NETWORK = Law(

@@ -29,7 +29,9 @@ from masmc_ros.law.parts.fuzzy_sets import (
     RULES,
     train_rules,
 )
+from masmc_ros.law.parts.inverse_dynamics import limited_force
 from masmc_ros.law.parts.model import ESTIMATE, model_torque
+from masmc_ros.law.parts.realisable import realisable, secant
 from masmc_ros.law.parts.surface import reference_acceleration, reference_velocity, SIGMA
 from masmc_ros.law.reaching.reaching import BOUNDARY_LAYER, reaching_force
 from masmc_ros.law.reaching.saturation import saturation
@@ -151,19 +153,33 @@ def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
 
 
 @formula
+def _realisable(s: float, excess: float, k: float, k_s: float, layer: float, step: float) -> float:
+    """Return the s that fits the applied u; `step` keeps the weights stable at any gains."""
+    return realisable(s, excess, secant(k, k_s, s, layer) + step)
+
+
+@formula
 def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: Joints) -> None:
-    """Train the networks, except while the torque is limited, to avoid wind-up."""
-    if torque == raw:
-        first, second = _inputs(settings, tick)
-        rate = settings.rbf_sliding_rate
-        distance = math.sqrt(dot(tick.surface, tick.surface))
-        train_rules(
-            in_place(memory, 'rbf_sliding_weights'),
-            first,
-            second,
-            elementwise(learning_step, tick.surface, -rate, tick.period),
-            tick.period * rate * settings.rbf_sliding_nu * distance,
-        )
+    """Train the networks by the s that fits the commanded torque."""
+    first, second = _inputs(settings, tick)
+    rate = settings.rbf_sliding_rate
+    s = elementwise(
+        _realisable,
+        tick.surface,
+        limited_force(tick, raw, torque),
+        settings.rbf_sliding_k,
+        settings.rbf_sliding_k_s,
+        settings.boundary_layer,
+        tick.period * rate,
+    )
+    distance = math.sqrt(dot(s, s))
+    train_rules(
+        in_place(memory, 'rbf_sliding_weights'),
+        first,
+        second,
+        elementwise(learning_step, s, -rate, tick.period),
+        tick.period * rate * settings.rbf_sliding_nu * distance,
+    )
 
 
 RBF_SLIDING = Law(

@@ -18,7 +18,13 @@ from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.integral import integrated
-from masmc_ros.law.parts.inverse_dynamics import limited_motion, model_forces, rate_error
+from masmc_ros.law.parts.inverse_dynamics import (
+    DAMPING,
+    limited_motion,
+    model_forces,
+    rate_error,
+    STIFFNESS,
+)
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.tick import Tick
@@ -30,8 +36,8 @@ from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot import mechanism
 
 PARAMETERS = (
-    PerEntry('computed_torque.k_d', 'joints', 20.0, 'Gain K_d of the joint velocities', '1/s'),
-    PerEntry('computed_torque.k_p', 'joints', 100.0, 'Gain K_p of their integral', '1/s²'),
+    PerEntry('computed_torque.k_d', 'joints', DAMPING, 'Gain K_d of the joint velocities', '1/s'),
+    PerEntry('computed_torque.k_p', 'joints', STIFFNESS, 'Gain K_p of their integral', '1/s²'),
     SIGMA,
 )
 

@@ -21,8 +21,10 @@ from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.integral import integrated
 from masmc_ros.law.parts.inverse_dynamics import (
     acceleration_torque,
+    DAMPING,
     limited_acceleration,
     spring,
+    STIFFNESS,
 )
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.tick import Tick
@@ -32,8 +34,8 @@ from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.tuples import elementwise
 
 PARAMETERS = (
-    PerEntry('nonlinear_feedback.k_p', 'axes', 100.0, 'Stiffness K_p per mass', '1/s²'),
-    PerEntry('nonlinear_feedback.k_d', 'axes', 20.0, 'Damping K_d per mass', '1/s'),
+    PerEntry('nonlinear_feedback.k_p', 'axes', STIFFNESS, 'Stiffness K_p per mass', '1/s²'),
+    PerEntry('nonlinear_feedback.k_d', 'axes', DAMPING, 'Damping K_d per mass', '1/s'),
     PerEntry('nonlinear_feedback.k_i', 'axes', 0.0, 'Gain K_i of the integral', '1/s³'),
 )
 

@@ -5,14 +5,15 @@
 Operational space control: the first axes of the task first, the others in their null space.
 
 With A = J H^-1 J' and b = xddot_d - K_d edot - K_p e - Jdot v, split into the first axes (1) and
-the others (2), and Lambda_1 = A_11^-1, Lambda_2 = A_22^-1,
+the others (2), Lambda_1 = A_11^-1 and S = A_22 - A_21 Lambda_1 A_12,
 
-    F_2 = Lambda_2 b_2,    F_1 = Lambda_1 (b_1 - A_12 F_2),    f = J' F + V v,
+    F_2 = S^-1 (b_2 - A_21 Lambda_1 b_1),    F_1 = Lambda_1 (b_1 - A_12 F_2),    f = J' F + V v,
 
-which is J_1' Lambda_1 b_1 + N_1' J_2' Lambda_2 b_2 + V v with N_1 = I - H^-1 J_1' Lambda_1 J_1,
-the dynamically consistent projector of O. Khatib, "A unified approach for motion and force
-control of robot manipulators: the operational space formulation", IEEE Journal of Robotics and
-Automation 3, 1987; reference [3] of the paper. J as a whole is not inverted.
+which is J_1' Lambda_1 b_1 + N_1' J_2' F_2 + V v with N_1 = I - H^-1 J_1' Lambda_1 J_1, the
+dynamically consistent projector of O. Khatib, "A unified approach for motion and force control of
+robot manipulators: the operational space formulation", IEEE Journal of Robotics and Automation 3,
+1987; reference [3] of the paper. S is the mobility that the first axes leave to the others. F_2 is
+damped where S is small, and F_1 is exact for any F_2. J as a whole is not inverted.
 """
 
 from __future__ import annotations
@@ -24,7 +25,12 @@ from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.fields import Memory
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
-from masmc_ros.law.parts.inverse_dynamics import motion_acceleration, spring
+from masmc_ros.law.parts.inverse_dynamics import (
+    DAMPING,
+    motion_acceleration,
+    spring,
+    STIFFNESS,
+)
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.aliases import Axes, Columns, Joints, Numbers
@@ -44,12 +50,15 @@ PARAMETERS = (
         minimum=1,
         read_only=False,
     ),
-    PerEntry('null_space.k_p', 'axes', 100.0, 'Stiffness K_p per mass', '1/s²'),
-    PerEntry('null_space.k_d', 'axes', 20.0, 'Damping K_d per mass', '1/s'),
+    PerEntry('null_space.k_p', 'axes', STIFFNESS, 'Stiffness K_p per mass', '1/s²'),
+    PerEntry('null_space.k_d', 'axes', DAMPING, 'Damping K_d per mass', '1/s'),
 )
 
 _LEAST_SHARE = 1.0e-6
-"""Share of its mobility that an axis must keep next to previous axes, or it is dropped."""
+"""Share of its mobility that a first axis must keep next to previous axes, or it is dropped."""
+
+_DAMPED_SHARE = 1.0e-2
+"""The same for the other axes, whose forces would grow without limit close to a singularity."""
 
 
 class Settings(fields.Settings):
@@ -84,41 +93,31 @@ def prioritised_force(mobility: Columns, wanted: Numbers, first: int) -> Numbers
 
     """
     n = len(wanted)
-    first = min(first, n)
     work, force = np.empty((n, n + 1)), np.zeros(n)
-    _solve(n, mobility, wanted, first, n, work, force)
-    _solve(n, mobility, wanted, 0, first, work, force)
-    return to_vector(force, wanted)
-
-
-@formula
-def _solve(
-    n: int, mobility: Columns, wanted: Numbers, begin: int, end: int, work: Any, force: Any
-) -> None:
-    """Solve for the forces from `begin` to `end` with fixed others; A is semi-definite."""
-    for i in range(begin, end):
+    for i in range(n):
         work[i, n] = wanted[i]
         for j in range(n):
             work[i, j] = mobility[j][i]
-            if not begin <= j < end:
-                work[i, n] -= work[i, j] * force[j]
-    for i in range(begin, end):
-        pivot, least = work[i, i], _LEAST_SHARE * mobility[i][i]
+    # Elimination of the first axes leaves S. A is semi-definite.
+    for i in range(n):
+        share = _LEAST_SHARE if i < first else _DAMPED_SHARE
+        pivot, least = work[i, i], share * mobility[i][i]
         # 1 / pivot down to the least one, from where on it falls to zero.
         floored = pivot if pivot > least else least
         inverse = pivot / (floored * floored) if floored > 0.0 else 0.0
         work[i, i] = inverse
-        for k in range(i + 1, end):
+        for k in range(i + 1, n):
             factor = work[k, i] * inverse
-            for j in range(i + 1, end):
+            for j in range(i + 1, n):
                 work[k, j] -= factor * work[i, j]
             work[k, n] -= factor * work[i, n]
-    for reverse in range(end - begin):
-        i = end - 1 - reverse
+    for reverse in range(n):
+        i = n - 1 - reverse
         value = work[i, n]
-        for j in range(i + 1, end):
+        for j in range(i + 1, n):
             value -= work[i, j] * force[j]
         force[i] = value * work[i, i]
+    return to_vector(force, wanted)
 
 
 @formula

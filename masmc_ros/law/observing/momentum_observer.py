@@ -20,7 +20,12 @@ from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.delay_compensation import is_on
-from masmc_ros.law.parts.inverse_dynamics import motion_acceleration, spring
+from masmc_ros.law.parts.inverse_dynamics import (
+    DAMPING,
+    motion_acceleration,
+    spring,
+    STIFFNESS,
+)
 from masmc_ros.law.parts.last_period import last_acceleration
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.tick import Tick
@@ -33,8 +38,8 @@ from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 
 PARAMETERS = (
-    PerEntry('momentum_observer.k_p', 'axes', 100.0, 'Stiffness K_p per mass', '1/s²'),
-    PerEntry('momentum_observer.k_d', 'axes', 20.0, 'Damping K_d per mass', '1/s'),
+    PerEntry('momentum_observer.k_p', 'axes', STIFFNESS, 'Stiffness K_p per mass', '1/s²'),
+    PerEntry('momentum_observer.k_d', 'axes', DAMPING, 'Damping K_d per mass', '1/s'),
     Parameter(
         'momentum_observer.rate',
         200.0,

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from masmc_ros.law.parts.realisable import realisable
 from masmc_ros.numerics.compiled import formula
 
 
@@ -35,5 +36,5 @@ def integrated(
         Control period T in s.
 
     """
-    realisable = error - excess / (k_p + period * k_i if k_i > 0.0 else 1.0)
-    return w + period * (realisable if k_i > 0.0 else error)
+    conditioned = realisable(error, excess, k_p + period * k_i)
+    return w + period * (conditioned if k_i > 0.0 else error)

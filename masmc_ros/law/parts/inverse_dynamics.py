@@ -13,6 +13,14 @@ from masmc_ros.numerics.scalars import minus, plus, zero
 from masmc_ros.numerics.tuples import elementwise, matrix_times
 from masmc_ros.robot import mechanism
 
+STIFFNESS, DAMPING = 900.0, 60.0
+"""
+Default gains in 1/s² and 1/s of laws that invert the model: 30 rad/s, critically damped.
+
+This is the largest natural frequency, in steps of 5 rad/s, at which none of 64 random robots loses
+the path behind the limits of the drives; docs/reference/laws/comparison.md.
+"""
+
 
 @formula
 def task_velocity(tick: Tick) -> Numbers:

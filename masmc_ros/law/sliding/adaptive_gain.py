@@ -18,7 +18,9 @@ from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.adaptive_bound import grown
+from masmc_ros.law.parts.inverse_dynamics import limited_force
 from masmc_ros.law.parts.model import ESTIMATE, model_torque
+from masmc_ros.law.parts.realisable import realisable_part, secant
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.reaching.reaching import BOUNDARY_LAYER, reaching_force
 from masmc_ros.law.reaching.saturation import saturation
@@ -83,27 +85,32 @@ def _following(
     k: float,
     s: float,
     gamma: float,
-    share: float,
     dead_zone: float,
     leak: float,
     most: float,
     period: float,
 ) -> float:
     """Return the k of one axis after a period."""
-    gain = grown(k, s, share * gamma, dead_zone, leak, period)
+    gain = grown(k, s, gamma, dead_zone, leak, period)
     return gain if gain < most else most
 
 
 @formula
 def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: Joints) -> None:
-    """Adapt the gains; while the torque is limited they only leak."""
-    share = 1.0 if torque == raw else 0.0
+    """Adapt the gains by the s that fits the commanded torque."""
+    slope = elementwise(
+        secant,
+        settings.adaptive_gain_k,
+        memory.adaptive_gain_switching,
+        tick.surface,
+        settings.boundary_layer,
+    )
+    excess = limited_force(tick, raw, torque)
     following = elementwise(
         _following,
         memory.adaptive_gain_switching,
-        tick.surface,
+        elementwise(realisable_part, tick.surface, excess, slope),
         settings.adaptive_gain_gamma,
-        share,
         settings.adaptive_gain_dead_zone,
         settings.adaptive_gain_leak,
         settings.adaptive_gain_k_max,

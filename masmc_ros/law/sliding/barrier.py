@@ -18,8 +18,9 @@ from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
-from masmc_ros.law.parts.inverse_dynamics import surface_torque
+from masmc_ros.law.parts.inverse_dynamics import limited_acceleration, surface_torque
 from masmc_ros.law.parts.model import ESTIMATE
+from masmc_ros.law.parts.realisable import realisable_part
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.reaching.sign import sign
 from masmc_ros.law.tick import Tick
@@ -84,10 +85,10 @@ def _surface_rate(
 
 
 @formula
-def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
-    """Return the joints' torques in N m."""
+def _requested(settings: Settings, tick: Tick, memory: Memory) -> Axes:
+    """Return nu."""
     width = settings.barrier_width
-    nu = elementwise(
+    return elementwise(
         _surface_rate,
         tick.surface,
         elementwise(_inside, memory.barrier_inside, tick.surface, width),
@@ -97,30 +98,40 @@ def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
         settings.barrier_gain,
         tick.period,
     )
+
+
+@formula
+def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
+    """Return the joints' torques in N m."""
+    nu = _requested(settings, tick, memory)
     return surface_torque(tick, memory.estimate, settings.sigma, nu)
 
 
 @formula
-def _grown(growth: float, inside: float, s: float, rate: float, period: float) -> float:
-    return growth if inside > 0.0 else growth + period * rate * abs(s)
+def _grown(
+    growth: float, inside: float, s: float, nu: float, excess: float, rate: float, period: float
+) -> float:
+    """Return the next growth; limits reduce |s| to the part of nu that is applied."""
+    part = realisable_part(s, excess, -nu / (s if s != 0.0 else 1.0))
+    return growth if inside > 0.0 else growth + period * rate * abs(part)
 
 
 @formula
 def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: Joints) -> None:
-    """Increase the gain outside the barrier, except while the torque is limited."""
-    width = settings.barrier_width
-    inside = elementwise(_inside, memory.barrier_inside, tick.surface, width)
+    """Increase the gain outside the barrier by the s that fits the commanded torque."""
+    inside = elementwise(_inside, memory.barrier_inside, tick.surface, settings.barrier_width)
+    growth = elementwise(
+        _grown,
+        memory.barrier_growth,
+        inside,
+        tick.surface,
+        _requested(settings, tick, memory),
+        limited_acceleration(tick, memory.estimate, raw, torque),
+        settings.barrier_growth,
+        tick.period,
+    )
     memory.barrier_inside = inside
-    if torque == raw:
-        growth = elementwise(
-            _grown,
-            memory.barrier_growth,
-            inside,
-            tick.surface,
-            settings.barrier_growth,
-            tick.period,
-        )
-        memory.barrier_growth = growth
+    memory.barrier_growth = growth
 
 
 BARRIER = Law(

@@ -16,6 +16,9 @@ _WITH_BOUNDARY_LAYER = frozenset(('saturation', 'tanh', 'sigmoid'))
 
 _LONGEST = 40
 
+OBSERVER = ' + observer'
+"""Suffix of laws with a disturbance estimate that their source lacks."""
+
 RATES = 'rates'
 """Suffix of runs with commanded velocities in place of torques."""
 
@@ -77,8 +80,8 @@ def _switching(controller: Mapping[str, Any]) -> list[str]:
     layer, gain = controller.get('boundary_layer'), controller.get('observer_gain')
     if name in _WITH_BOUNDARY_LAYER and isinstance(layer, int | float):
         return [f'{name} δ {layer:g}']
-    if name == 'implicit' and isinstance(gain, int | float):
-        return [name, f'β {gain:g}']
+    if name == 'implicit' and isinstance(gain, int | float) and gain > 0.0:
+        return [f'{name}{OBSERVER}', f'β {gain:g}']
     return [name]
 
 

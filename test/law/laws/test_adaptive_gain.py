@@ -60,8 +60,3 @@ def test_adaptive_gain_tracks_path() -> None:
     adaptive = run(LAW, duration=10.0).settled
     assert (adaptive < 0.5 * plain).all()
     assert (adaptive < (0.0072, 0.006, 0.0105, 0.0137)).all()
-
-
-def test_adaptive_gain_torque_limited_gain_is_frozen() -> None:
-    limited = run(LAW, 'controller.torque_limit=1e-6', duration=0.1)
-    assert not limited.controller.memory['adaptive_gain_switching'].any()

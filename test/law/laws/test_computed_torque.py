@@ -42,6 +42,8 @@ def test_computed_torque_true_model_has_second_order_decay() -> None:
         'controller.model_scale=1.0',
         'plant.disturbance.amplitude=[0.0, 0.0, 0.0, 0.0]',
         'control_period=0.0005',
+        f'controller.{LAW}.k_p=100.0',
+        f'controller.{LAW}.k_d=20.0',
         duration=1.0,
     )
     some = slice(0, None, 40)
@@ -58,4 +60,4 @@ def test_computed_torque_true_model_has_second_order_decay() -> None:
 
 def test_computed_torque_tracks_path() -> None:
     """Half of the true masses: the bounds hold for gains that dominate the model error."""
-    assert (run(LAW, duration=10.0).settled < (0.076, 0.109, 0.032, 0.032)).all()
+    assert (run(LAW, duration=10.0).settled < (0.013, 0.018, 0.0055, 0.0055)).all()

@@ -72,8 +72,3 @@ def test_fuzzy_gain_tracks_path() -> None:
     adaptive = run(LAW, duration=10.0).settled
     assert (adaptive < 0.5 * plain).all()
     assert (adaptive < (0.0013, 0.0012, 0.006, 0.0077)).all()
-
-
-def test_fuzzy_gain_torque_limited_weights_are_frozen() -> None:
-    limited = run(LAW, 'controller.torque_limit=1e-6', duration=0.1)
-    assert not limited.controller.memory['fuzzy_gain_theta'].any()

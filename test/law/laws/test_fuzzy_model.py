@@ -68,9 +68,3 @@ def test_fuzzy_model_torque_is_independent_of_model() -> None:
 
 def test_fuzzy_model_tracks_path() -> None:
     assert (run(LAW, duration=10.0).settled < (0.0021, 0.0023, 0.0002, 0.00014)).all()
-
-
-def test_fuzzy_model_torque_limited_weights_are_frozen() -> None:
-    limited = run(LAW, 'controller.torque_limit=1e-6', duration=0.1)
-    for name in ('theta', 'eta'):
-        assert not limited.controller.memory[f'fuzzy_model_{name}'].any()

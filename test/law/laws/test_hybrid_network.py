@@ -74,9 +74,3 @@ def test_hybrid_network_tracks_path() -> None:
     adaptive = run(LAW, duration=10.0).settled
     assert (adaptive < 0.5 * plain).all()
     assert (adaptive < (0.0042, 0.007, 0.0011, 0.0013)).all()
-
-
-def test_hybrid_network_torque_limited_weights_are_frozen() -> None:
-    limited = run(LAW, 'controller.torque_limit=1e-6', duration=0.1)
-    for name in ('weights', 'robust'):
-        assert not limited.controller.memory[f'hybrid_network_{name}'].any()

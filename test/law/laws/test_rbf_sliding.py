@@ -56,8 +56,3 @@ def test_rbf_sliding_network_reduces_tracking_error() -> None:
     adaptive = run(LAW, duration=10.0).settled
     assert (adaptive < 0.5 * plain).all()
     assert (adaptive < (0.0011, 0.0012, 0.0073, 0.0115)).all()
-
-
-def test_rbf_sliding_torque_limited_weights_are_frozen() -> None:
-    limited = run(LAW, 'controller.torque_limit=1e-6', duration=0.1)
-    assert not limited.controller.memory['rbf_sliding_weights'].any()

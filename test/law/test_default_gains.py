@@ -1,0 +1,26 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Default gains of axes in m and in rad."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from masmc_ros.law import registry
+from masmc_ros.params.scenario import load_scenario
+from masmc_ros.robot.mechanisms import mechanism_from
+
+TIAGO = str(Path(__file__).parents[2] / 'config' / 'tiago.yaml')
+
+
+def test_default_gain_in_newtons_is_a_tenth_for_axes_in_rad() -> None:
+    """A gain per mass is equal for both; the inertia scales it."""
+    mechanism = mechanism_from(load_scenario(TIAGO)['plant'])
+    assert [axis.unit for axis in mechanism.axes] == ['m'] * 3 + ['rad'] * 3
+    default = {p.name: p.default for p in registry.parameters(mechanism)}
+    for name in ('k_s1', 'k_s2', 'pid.k_p', 'pid.k_d', 'pid.k_i', 'rbf_sliding.k'):
+        assert default[name][3:] == tuple(0.1 * gain for gain in default[name][:3])
+        assert default[name][0] > 0.0
+    for name in ('sigma', 'nonlinear_feedback.k_p', 'time_delay.k_d', 'super_twisting.k_1'):
+        assert len(set(default[name])) == 1
