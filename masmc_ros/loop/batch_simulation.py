@@ -20,11 +20,12 @@ from masmc_ros.law.law import Law
 from masmc_ros.law.rates import RATES
 from masmc_ros.law.registry import load_for
 from masmc_ros.loop import records
-from masmc_ros.loop.closed_loop import closed_loop, plant_start, post_update
+from masmc_ros.loop.closed_loop import closed_loop, plant_start, post_update, reduced_loop
 from masmc_ros.loop.dry_run import check
+from masmc_ros.loop.reduction import axes_of_points, reduced_signals
 from masmc_ros.loop.simulated_robot import delay_line, RIGID, write_plant, write_start
 from masmc_ros.loop.timing import Timing
-from masmc_ros.numerics.record import fill
+from masmc_ros.numerics.record import fill, lanes_of
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.robot.robot import robot_of
 import numpy as np
@@ -132,15 +133,70 @@ class BatchSimulation:
             )
             yield signals
 
+    def reduce(
+        self, begin: int, end: int, settling: NDArray[np.float64], block: int = BLOCK
+    ) -> NDArray[np.void]:
+        """
+        Compute the runs and return their reduced signals, a record of `loop.reduction.REDUCED`.
+
+        No other signals are kept. Runs that diverged end early if all of them did.
+
+        Parameters
+        ----------
+        begin, end
+            First tick of the window of the metrics, and the tick after its last one.
+        settling
+            Band of the settling time as a part of the first distance, and its minimum in m.
+        block
+            Number of ticks per call of the kernel.
+
+        """
+        assert self.timing.last is not None
+        ticks = self.timing.last + 1
+        reduced = reduced_signals(self.mechanism, lanes_of(self._now))
+        points = axes_of_points(self.mechanism)
+        plant_start(self._plant, self._state, self._delayed, self._now)
+        for first in range(0, ticks, block):
+            count = min(block, ticks - first)
+            reduced_loop(
+                self._plant,
+                self._state,
+                self._delayed,
+                self._settings,
+                self._learned,
+                self._now,
+                first,
+                first + count == ticks,
+                self._trajectory.sample(first, count),
+                reduced,
+                points,
+                settling,
+                begin,
+                end,
+            )
+            if (reduced['lost_tick'] >= 0).all():
+                break
+        return reduced
+
+    @property
+    def estimate(self) -> NDArray[np.float64]:
+        """Return the estimate of the base inertial parameters in the last tick."""
+        estimate: NDArray[np.float64] = self._now[0]['estimate']
+        return estimate
+
+
+def of_all_lanes(run: Mapping[str, Values]) -> dict[str, Any]:
+    """Return the values of a run that are equal in all lanes, by NODE.parameter."""
+    names = {**_OF_ALL, 'trajectory': tuple(run['trajectory'])}
+    return {f'{node}.{name}': run[node][name] for node in names for name in names[node]}
+
 
 def _check_alike(runs: Sequence[Mapping[str, Values]]) -> None:
-    first = runs[0]
-    names = {**_OF_ALL, 'trajectory': tuple(first['trajectory'])}
+    first = of_all_lanes(runs[0])
     for run in runs[1:]:
-        for node, of_all in names.items():
-            for name in of_all:
-                if run[node][name] != first[node][name]:
-                    raise InputError(
-                        f'{node}.{name} = {run[node][name]}: expected {first[node][name]}, as in '
-                        'the other runs that are computed with it'
-                    )
+        for name, value in of_all_lanes(run).items():
+            if value != first[name]:
+                raise InputError(
+                    f'{name} = {value}: expected {first[name]}, as in the other runs that are '
+                    'computed with it'
+                )
