@@ -75,7 +75,10 @@ setup(
         'live': ['foxglove-sdk'],
         'mujoco': ['mujoco-core>=4'],
         'parquet': ['pyarrow'],
+        'campaigns': ['pyarrow', 'scipy'],
+        'cluster': ['distributed', 'pyarrow', 'scipy'],
         'test': [
+            'distributed',
             'foxglove-sdk',
             'hypothesis',
             'mpmath',
@@ -83,6 +86,7 @@ setup(
             'pyarrow',
             'pytest',
             'pytest-xdist',
+            'scipy',
             'sybil',
             'sympy',
             'websockets',

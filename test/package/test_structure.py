@@ -32,6 +32,7 @@ ORDER = (
     *PARAMETERS_OF_NODES,
     'report',
     'compare',
+    'campaign',
     'nodes',
     'cli',
 )
