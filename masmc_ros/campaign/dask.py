@@ -113,7 +113,7 @@ class Cluster:
                 for part in islice(waiting, count)
             ]
 
-        running = as_completed(submitted(_AHEAD * self.workers))
+        running = as_completed(submitted(_AHEAD * self.workers), loop=client.loop)
         for future in running:
             try:
                 rows: Rows = future.result()

@@ -14,10 +14,10 @@ import signal
 import subprocess
 import sys
 
+from helpers.campaigns import assert_equal, campaign_with, DRAWS, PAPER, SETTINGS
 from masmc_ros.campaign.axes import axis
 from masmc_ros.campaign.campaign import Campaign, campaign_of
 from masmc_ros.campaign.dataset import arrays, Dataset
-from masmc_ros.campaign.draws import draw
 from masmc_ros.campaign.engine import carry_out
 from masmc_ros.campaign.part import metric_columns, rows
 from masmc_ros.campaign.threads import computed
@@ -32,30 +32,6 @@ from pyarrow import parquet
 import pytest
 
 pytestmark = pytest.mark.slow
-
-PAPER = str(Path(__file__).parents[2] / 'config' / 'paper.yaml')
-
-DRAWS = [
-    'plant.robot.link_2_mass=uniform:0.6:1.4',
-    'plant.disturbance.phase[2]=uniform:0:6.28',
-    'controller.k_s1=loguniform:50:3000',
-]
-SETTINGS = ('duration=0.2', 'plant.velocity_noise=0.02', 'controller.switching=implicit')
-"""With the largest gains some runs diverge within 0.2 s at a period of 20 ms."""
-
-
-def campaign_with(repeats: int = 70, *settings: str, sobol: bool = False) -> Campaign:
-    return campaign_of(
-        PAPER, (*SETTINGS, *settings), draws=[draw(text) for text in DRAWS], repeats=repeats,
-        sobol=sobol,
-    )  # fmt: skip
-
-
-def assert_equal(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> None:
-    assert list(one) == list(other)
-    for name, values in one.items():
-        np.testing.assert_array_equal(values, other[name], err_msg=name)
-
 
 def metrics_of(settings: list[str]) -> tuple[Metrics, Simulation]:
     """Return the metrics of a single run as `masmc simulate` computes them."""
