@@ -21,6 +21,7 @@ PACKAGES = {
     'mcap': 'mcap',
     'mcap_ros2': 'mcap-ros2-support',
     'mujoco': 'mujoco-core',
+    'optuna': 'optuna',
     'plotly': 'plotly',
     'pyarrow': 'pyarrow',
     'rosbags': 'rosbags',

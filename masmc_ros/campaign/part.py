@@ -65,17 +65,7 @@ def rows(
     """
     runs = list(campaign.runs(first, count))
     lanes = LANES if campaign.total >= WORTH_LANES else 1
-    groups: dict[tuple[Any, ...], list[Run]] = {}
-    for run in runs:
-        groups.setdefault(tuple(of_all_lanes(run.scenario).values()), []).append(run)
-    reached: dict[int, Metrics | float] = {}
-    for group in groups.values():
-        for start in range(0, len(group), lanes):
-            if is_stopped():
-                raise StoppedError
-            batch = group[start:start + lanes]
-            reached.update(zip((r.number for r in batch), _computed(batch, lanes), strict=False))
-    results = [reached[run.number] for run in runs]
+    results = evaluated(runs, lanes, is_stopped)
     return {
         'run': np.array([run.number for run in runs]),
         'seed': np.array([run.scenario['plant']['seed'] for run in runs]),
@@ -87,6 +77,25 @@ def rows(
         'lost': np.array([isinstance(result, float) for result in results]),
         'lost_at': np.array([r if isinstance(r, float) else np.nan for r in results]),
     }
+
+
+def evaluated(
+    runs: Sequence[Run], lanes: int, is_stopped: Callable[[], bool] = lambda: False
+) -> list[Metrics | float]:
+    """Return the metrics of runs, of lost ones the time in s; see `rows` and `reduced_metrics`."""
+    groups: dict[tuple[Any, ...], list[int]] = {}
+    for place, run in enumerate(runs):
+        groups.setdefault(tuple(of_all_lanes(run.scenario).values()), []).append(place)
+    results: list[Metrics | float] = [np.nan] * len(runs)
+    for group in groups.values():
+        for start in range(0, len(group), lanes):
+            if is_stopped():
+                raise StoppedError
+            places = group[start:start + lanes]
+            batch = _computed([runs[place] for place in places], lanes)
+            for place, result in zip(places, batch, strict=False):
+                results[place] = result
+    return results
 
 
 @lru_cache(maxsize=4)

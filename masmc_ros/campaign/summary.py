@@ -28,12 +28,16 @@ _SHOWN = 5
 """Number of lost runs that are printed; the dataset has all."""
 
 
-def metric_named(campaign: Campaign, name: str) -> Column:
-    """Return the metric of a name, of '' the first one; InputError for an unknown name."""
+def metric_named(campaign: Campaign, name: str, option: str = '--metric') -> Column:
+    """
+    Return the metric of a name, of '' the first one.
+
+    InputError, starting with the name of the `option`, for an unknown name.
+    """
     known = {column.name: column for column in metric_columns(campaign.mechanism)}
     name = name or next(iter(known))
     if name not in known:
-        raise InputError(f"--metric: '{name}' is unknown; {suggestion(name, known)}")
+        raise InputError(f"{option}: '{name}' is unknown; {suggestion(name, known)}")
     return known[name]
 
 

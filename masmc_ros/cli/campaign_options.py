@@ -28,7 +28,7 @@ def add_campaign(parser: argparse.ArgumentParser, folder: str) -> None:
     add_file(parser)
     add_settings(parser)
     parser.add_argument(
-        '--seed', type=_whole, default=0, metavar='N', help='seed of the draws (%(default)s)'
+        '--seed', type=whole, default=0, metavar='N', help='seed of the draws (%(default)s)'
     )
     parser.add_argument(
         '--metric', default='', metavar='NAME', help='metric of figures and correlations, a '
@@ -60,13 +60,14 @@ def add_draws(parser: argparse.ArgumentParser, *, is_required: bool) -> None:
 
 def count(text: str) -> int:
     """Return a whole number, at least 1."""
-    number = _whole(text)
+    number = whole(text)
     if number < 1:
         raise argparse.ArgumentTypeError(f"'{text}': expected a whole number >= 1")
     return number
 
 
-def _whole(text: str) -> int:
+def whole(text: str) -> int:
+    """Return a whole number, at least 0."""
     if not text.isdecimal():
         raise argparse.ArgumentTypeError(f"'{text}': expected a whole number >= 0")
     return int(text)

@@ -28,6 +28,7 @@ COMMANDS = {
     'compare': 'compare control laws on one scenario',
     'sweep': 'run a scenario at all points of a grid of parameters',
     'monte-carlo': 'run a scenario with random parameters',
+    'tune': 'search gains for a small error and small effort',
     'robot': 'print the robot of a parameter file',
     'recover': 'complete truncated or damaged logs',
     'param': 'read and set parameters of running nodes',

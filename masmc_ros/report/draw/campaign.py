@@ -10,7 +10,16 @@ import math
 from typing import Any, NamedTuple
 
 from masmc_ros.numerics.aliases import Array
-from masmc_ros.report.draw.style import BLUE, COLUMN, GREY, new_figure, PAGE, plain, VERMILLION
+from masmc_ros.report.draw.style import (
+    BLACK,
+    BLUE,
+    COLUMN,
+    GREY,
+    new_figure,
+    PAGE,
+    plain,
+    VERMILLION,
+)
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
@@ -95,6 +104,39 @@ def draws_figure(
         drawing.margins(x=0.03)
         drawing.set_xlabel(plain(name))
         drawing.set_ylabel(plain(label))
+    return figure
+
+
+def front_figure(
+    candidates: Array, front: Array, chosen: Array, start: Array, first: str, second: str
+) -> Figure:
+    """
+    Draw a Pareto front.
+
+    Parameters
+    ----------
+    candidates, front
+        Objectives (n, 2) of all candidates and of those on the front, infinite with lost runs.
+    chosen, start
+        Those (1, 2) of the chosen candidate and of the values of the scenario.
+    first, second
+        Names and units of the objectives.
+
+    """
+    figure = new_figure(COLUMN, _HEIGHT)
+    drawing = figure.add_subplot()
+    drawing.plot(*candidates.T, '.', color=GREY, markersize=2.0, label='candidates')
+    drawing.plot(*front.T, '.-', color=BLUE, markersize=3.5, label='front')
+    drawing.plot(*chosen.T, 'o', color=VERMILLION, markersize=5.0, label='chosen')
+    if np.isfinite(start).all():
+        drawing.plot(*start.T, 's', color=BLACK, markersize=4.0, label='scenario')
+    for values, scale in ((candidates[:, 0], 'xscale'), (candidates[:, 1], 'yscale')):
+        if _spans_decades(values):
+            drawing.set(**{scale: 'log'})
+    drawing.margins(0.05)
+    drawing.set_xlabel(plain(first))
+    drawing.set_ylabel(plain(second))
+    drawing.legend()
     return figure
 
 
