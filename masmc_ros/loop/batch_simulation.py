@@ -12,6 +12,7 @@ integration steps and trajectory are equal in all lanes, because the loop is com
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
 from typing import Any
 
 from masmc_ros.errors import InputError
@@ -27,6 +28,7 @@ from masmc_ros.loop.simulated_robot import delay_line, RIGID, write_plant, write
 from masmc_ros.loop.timing import Timing
 from masmc_ros.numerics.record import fill, lanes_of
 from masmc_ros.reference.trajectory import Trajectory
+from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.robot import robot_of
 import numpy as np
 from numpy.typing import NDArray
@@ -78,13 +80,12 @@ class BatchSimulation:
         if self.timing.last is None:
             raise InputError('duration = 0.0: expected a length > 0 s')
         self._trajectory = Trajectory(first['trajectory'], self.timing.period, robot)
-        check(law, mechanism, control['switching'])
-        self._settings = records.law_settings(mechanism, law, control['switching'], lanes)
+        settings, read = _law_settings(mechanism, law, control['switching'], lanes)
+        self._settings = settings.copy()
         self._learned = records.law_memory(mechanism, law, lanes)
         self._plant = records.plant_settings(mechanism, lanes)
         self._state = records.plant_memory(mechanism, lanes)
         self._now = records.signals(mechanism, lanes)
-        read = records.read_by(self._settings, mechanism)
         for lane, run in enumerate(runs):
             self._write(run, lane)
             records.write_parameters(self._settings, read, run['controller'], lane)
@@ -183,6 +184,16 @@ class BatchSimulation:
         """Return the estimate of the base inertial parameters in the last tick."""
         estimate: NDArray[np.float64] = self._now[0]['estimate']
         return estimate
+
+
+@lru_cache(maxsize=16)
+def _law_settings(
+    mechanism: Mechanism, law: Law, switching: str, lanes: int
+) -> tuple[records.Records, Any]:
+    """Return empty settings of a checked law, and the parameters to write into them."""
+    check(law, mechanism, switching)
+    settings = records.law_settings(mechanism, law, switching, lanes)
+    return settings, records.read_by(settings, mechanism)
 
 
 def of_all_lanes(run: Mapping[str, Values]) -> dict[str, Any]:
