@@ -45,7 +45,7 @@ setup(
     packages=find_packages(include=[NAME, f'{NAME}.*']),
     package_data={
         NAME: [
-            'py.typed', 'nodes/middleware/fast_dds/*', 'report/page/*', 'compare/*.html',
+            'py.typed', '__init__.pyi', 'nodes/middleware/fast_dds/*', 'report/page/*', 'compare/*.html',
             'messages/*.json',
         ],
     },

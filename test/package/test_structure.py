@@ -33,6 +33,7 @@ ORDER = (
     'report',
     'compare',
     'campaign',
+    'api',
     'nodes',
     'cli',
 )
