@@ -19,14 +19,21 @@ from masmc_ros.errors import InputError
 from masmc_ros.law.command_interface import check_agreement, takes_rates
 from masmc_ros.law.law import Law
 from masmc_ros.law.rates import RATES
+from masmc_ros.law.reaching.reaching import shortcut_of
 from masmc_ros.law.registry import load_for
 from masmc_ros.loop import records
-from masmc_ros.loop.closed_loop import closed_loop, plant_start, post_update, reduced_loop
+from masmc_ros.loop.closed_loop import (
+    closed_loop,
+    plant_start,
+    post_update,
+    reduced_loop,
+    reduced_loop_by_shortcut,
+)
 from masmc_ros.loop.dry_run import check
 from masmc_ros.loop.reduction import axes_of_points, reduced_signals
 from masmc_ros.loop.simulated_robot import delay_line, RIGID, write_plant, write_start
 from masmc_ros.loop.timing import Timing
-from masmc_ros.numerics.record import fill, lanes_of
+from masmc_ros.numerics.record import fill, lanes_of, take_over
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.robot import robot_of
@@ -37,6 +44,9 @@ Values = Mapping[str, Any]
 
 BLOCK = 2_000
 """Ticks in memory at a time, with all lanes."""
+
+_MOST_VECTORISED = 8
+"""Number of positions of the largest robot whose lanes vectorise; a shortcut pays for those."""
 
 _OF_ALL = {
     'plant': ('control_period', 'duration', 'integrator_step', 'command_interface'),
@@ -91,6 +101,17 @@ class BatchSimulation:
             records.write_parameters(self._settings, read, run['controller'], lane)
         post_update(self._settings, self._learned)
         self._delayed = delay_line(self._plant, mechanism)
+        self._shortcut = self._with_shortcut(law, control['switching'])
+
+    def _with_shortcut(self, law: Law, switching: str) -> records.Records | None:
+        """Return the settings with the shortcut of the reaching term; None without use for it."""
+        name = shortcut_of(switching) if law.uses_switching else ''
+        lanes = lanes_of(self._now)
+        if not name or lanes == 1 or self.mechanism.sizes['positions'] > _MOST_VECTORISED:
+            return None
+        settings = records.law_settings(self.mechanism, law, name, lanes)
+        take_over(settings, self._settings)
+        return settings
 
     def _write(self, run: Mapping[str, Values], lane: int) -> None:
         plant, control = run['plant'], run['controller']
@@ -159,10 +180,12 @@ class BatchSimulation:
         plant_start(self._plant, self._state, self._delayed, self._now)
         for first in range(0, ticks, block):
             count = min(block, ticks - first)
-            reduced_loop(
+            loop = reduced_loop if self._shortcut is None else reduced_loop_by_shortcut
+            loop(
                 self._plant,
                 self._state,
                 self._delayed,
+                *(() if self._shortcut is None else (self._shortcut,)),
                 self._settings,
                 self._learned,
                 self._now,
