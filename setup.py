@@ -45,8 +45,8 @@ setup(
     packages=find_packages(include=[NAME, f'{NAME}.*']),
     package_data={
         NAME: [
-            'py.typed', '__init__.pyi', 'nodes/middleware/fast_dds/*', 'report/page/*', 'compare/*.html',
-            'messages/*.json',
+            'py.typed', '__init__.pyi', 'nodes/middleware/fast_dds/*', 'report/page/*',
+            'compare/*.html', 'messages/*.json',
         ],
     },
     python_requires='>=3.11',

@@ -43,9 +43,6 @@ DRAWS = (
 
 ESTIMATED = 'controller.velocity_source=estimated'
 
-CLAIM, ESTIMATED_CLAIM = 0.85, 0.9
-"""Documented ratios to C, of measured and of estimated velocities."""
-
 
 class Cost(NamedTuple):
     """Wall time and processor time in s, and largest memory in MB, of a command."""
@@ -89,10 +86,10 @@ def measures() -> Iterator[Measure]:
         return costs[-1].processor / RUNS
 
     with_processor_time = partial(compared_with_c, is_processor_time=True)
-    yield with_processor_time(f'a run of {RUNS} of monte-carlo, processor time', seconds, CLAIM)
+    yield with_processor_time(f'a run of {RUNS} of monte-carlo, processor time', seconds)
     yield Measure('its memory', costs[-1].memory, 'MB')
     estimated = partial(seconds, (*SETTINGS, ESTIMATED))
-    yield with_processor_time('the same, estimated velocities', estimated, ESTIMATED_CLAIM)
+    yield with_processor_time('the same, estimated velocities', estimated)
     one = Measure('monte-carlo, one thread', command_cost(RUNS, 1).wall, 's')
     yield one
     yield compared('the same, two threads', command_cost(RUNS, 2).wall, 's', one)

@@ -157,7 +157,11 @@ def runs_per_second(settings: tuple[str, ...], processes: int) -> float:
 
 
 def compared_with_c(
-    name: str, seconds: Callable[[], float], claim: float, *, is_processor_time: bool = False
+    name: str,
+    seconds: Callable[[], float],
+    claim: float | None = None,
+    *,
+    is_processor_time: bool = False,
 ) -> Measure:
     """Return a time in ms and the mean of C before and after it, as the clock rate changes."""
     time_of_c = partial(c_seconds, is_processor_time=is_processor_time)
