@@ -4,7 +4,7 @@
 """
 Command that prints all benchmarks, or the named ones, and writes them to bench.json.
 
-usage: python -m benchmarks [kernel] [whole_process] [lockstep] [recording]
+usage: python -m benchmarks [kernel] [campaign] [whole_process] [lockstep] [recording]
 """
 
 from __future__ import annotations
@@ -12,11 +12,12 @@ from __future__ import annotations
 from pathlib import Path
 import sys
 
-from benchmarks import kernel, lockstep, recording, whole_process
+from benchmarks import campaign, kernel, lockstep, recording, whole_process
 from benchmarks.measure import Measure, write
 
 PARTS = {
     'kernel': kernel.measures,
+    'campaign': campaign.measures,
     'whole_process': whole_process.measures,
     'lockstep': lockstep.measures,
     'recording': recording.measures,

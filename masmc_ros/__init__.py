@@ -3,4 +3,26 @@
 
 """Robust adaptive sliding mode control of mobile manipulators for ROS 2."""
 
+from importlib import import_module
+from typing import Any
+
 __version__ = '0.1.0'
+
+_INTERFACE = {
+    'simulate': 'masmc_ros.api.simulate',
+    'sweep': 'masmc_ros.api.campaigns',
+    'monte_carlo': 'masmc_ros.api.campaigns',
+}
+"""Functions of the Python interface and their modules, imported on demand: nodes start without."""
+
+
+def __getattr__(name: str) -> Any:
+    """Return a function of the Python interface."""
+    if name not in _INTERFACE:
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    return getattr(import_module(_INTERFACE[name]), name)
+
+
+def __dir__() -> list[str]:
+    """Return the names of the module with those of the Python interface."""
+    return sorted([*globals(), *_INTERFACE])

@@ -15,14 +15,17 @@ from importlib import import_module
 from masmc_ros.errors import UserError
 
 PACKAGES = {
+    'distributed': 'distributed',
     'foxglove': 'foxglove-sdk',
     'lz4': 'lz4',
     'mcap': 'mcap',
     'mcap_ros2': 'mcap-ros2-support',
     'mujoco': 'mujoco-core',
+    'optuna': 'optuna',
     'plotly': 'plotly',
     'pyarrow': 'pyarrow',
     'rosbags': 'rosbags',
+    'scipy': 'scipy',
     'zstandard': 'zstandard',
 }
 """Names of the modules for pip."""

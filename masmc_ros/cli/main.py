@@ -26,6 +26,9 @@ COMMANDS = {
     'warm': 'compile the code of a robot and its laws in advance',
     'laws': 'list the control laws',
     'compare': 'compare control laws on one scenario',
+    'sweep': 'run a scenario at all points of a grid of parameters',
+    'monte-carlo': 'run a scenario with random parameters',
+    'tune': 'search gains for a small error and small effort',
     'robot': 'print the robot of a parameter file',
     'recover': 'complete truncated or damaged logs',
     'param': 'read and set parameters of running nodes',
@@ -34,7 +37,7 @@ COMMANDS = {
     'layout': 'write the layout for Foxglove with the plots of a robot',
     'export': 'write logged runs as tables or arrays',
 }
-"""Commands and their help; the module `masmc_ros.cli.commands.NAME` contains each."""
+"""Commands and their help; the module `masmc_ros.cli.commands.NAME` contains each, - as _."""
 
 _REJECTED = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
 """Errors of standard output that is a file, a device, or a closed terminal."""
@@ -104,7 +107,7 @@ def parser_for(arguments: Sequence[str]) -> Parser:
     for name, text in COMMANDS.items():
         command = commands.add_parser(name, help=text)
         if arguments[:1] == [name]:
-            module = import_module(f'masmc_ros.cli.commands.{name}')
+            module = import_module(f'masmc_ros.cli.commands.{name.replace("-", "_")}')
             module.add_arguments(command)
             command.set_defaults(run=module.run)
     return parser

@@ -68,3 +68,4 @@ class Memory:
     velocity_command: Joints
     disturbance: Axes
     predicted: Axes
+    needs_full: float

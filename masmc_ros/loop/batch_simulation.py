@@ -12,20 +12,30 @@ integration steps and trajectory are equal in all lanes, because the loop is com
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
 from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.law.command_interface import check_agreement, is_hybrid, takes_rates
 from masmc_ros.law.law import Law
 from masmc_ros.law.rates import RATES
+from masmc_ros.law.reaching.reaching import shortcut_of
 from masmc_ros.law.registry import load_for
 from masmc_ros.loop import records
-from masmc_ros.loop.closed_loop import closed_loop, plant_start, post_update
+from masmc_ros.loop.closed_loop import (
+    closed_loop,
+    plant_start,
+    post_update,
+    reduced_loop,
+    reduced_loop_by_shortcut,
+)
 from masmc_ros.loop.dry_run import check
+from masmc_ros.loop.reduction import axes_of_points, reduced_signals
 from masmc_ros.loop.simulated_robot import delay_line, RIGID, write_plant, write_start
 from masmc_ros.loop.timing import Timing
-from masmc_ros.numerics.record import fill
+from masmc_ros.numerics.record import fill, lanes_of, take_over
 from masmc_ros.reference.trajectory import Trajectory
+from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.robot import robot_of
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +44,9 @@ Values = Mapping[str, Any]
 
 BLOCK = 2_000
 """Ticks in memory at a time, with all lanes."""
+
+_MOST_VECTORISED = 8
+"""Number of positions of the largest robot whose lanes vectorise; a shortcut pays for those."""
 
 _OF_ALL = {
     'plant': ('control_period', 'duration', 'integrator_step', 'command_interface'),
@@ -77,26 +90,33 @@ class BatchSimulation:
         if self.timing.last is None:
             raise InputError('duration = 0.0: expected a length > 0 s')
         self._trajectory = Trajectory(first['trajectory'], self.timing.period, robot)
-        check(law, mechanism, control['switching'])
         compensated = records.is_compensated(control)
-        self._settings = records.law_settings(
-            mechanism,
-            law,
-            control['switching'],
-            lanes,
-            is_hybrid=is_hybrid(control),
-            compensated=compensated,
+        settings, read = _law_settings(
+            mechanism, law, control['switching'], lanes, is_hybrid(control), compensated
         )
+        self._settings = settings.copy()
         self._learned = records.law_memory(mechanism, law, lanes, compensated=compensated)
         self._plant = records.plant_settings(mechanism, lanes)
         self._state = records.plant_memory(mechanism, lanes)
         self._now = records.signals(mechanism, lanes)
-        read = records.read_by(self._settings, mechanism)
         for lane, run in enumerate(runs):
             self._write(run, lane)
             records.write_parameters(self._settings, read, run['controller'], lane)
         post_update(self._settings, self._learned)
         self._delayed = delay_line(self._plant, mechanism)
+        self._shortcut = self._with_shortcut(law, control)
+
+    def _with_shortcut(self, law: Law, control: Values) -> records.Records | None:
+        """Return the settings with the shortcut of the reaching term; None without use for it."""
+        name = shortcut_of(control['switching']) if law.uses_switching else ''
+        if is_hybrid(control) or records.is_compensated(control):
+            name = ''
+        lanes = lanes_of(self._now)
+        if not name or lanes == 1 or self.mechanism.sizes['positions'] > _MOST_VECTORISED:
+            return None
+        settings = records.law_settings(self.mechanism, law, name, lanes)
+        take_over(settings, self._settings)
+        return settings
 
     def _write(self, run: Mapping[str, Values], lane: int) -> None:
         plant, control = run['plant'], run['controller']
@@ -142,20 +162,89 @@ class BatchSimulation:
             )
             yield signals
 
+    def reduce(
+        self, begin: int, end: int, settling: NDArray[np.float64], block: int = BLOCK
+    ) -> NDArray[np.void]:
+        """
+        Compute the runs and return their reduced signals, a record of `loop.reduction.REDUCED`.
+
+        No other signals are kept. Runs that diverged end early if all of them did.
+
+        Parameters
+        ----------
+        begin, end
+            First tick of the window of the metrics, and the tick after its last one.
+        settling
+            Band of the settling time as a part of the first distance, and its minimum in m.
+        block
+            Number of ticks per call of the kernel.
+
+        """
+        assert self.timing.last is not None
+        ticks = self.timing.last + 1
+        reduced = reduced_signals(self.mechanism, lanes_of(self._now))
+        points = axes_of_points(self.mechanism)
+        plant_start(self._plant, self._state, self._delayed, self._now)
+        for first in range(0, ticks, block):
+            count = min(block, ticks - first)
+            loop = reduced_loop if self._shortcut is None else reduced_loop_by_shortcut
+            loop(
+                self._plant,
+                self._state,
+                self._delayed,
+                *(() if self._shortcut is None else (self._shortcut,)),
+                self._settings,
+                self._learned,
+                self._now,
+                first,
+                first + count == ticks,
+                self._trajectory.sample(first, count),
+                reduced,
+                points,
+                settling,
+                begin,
+                end,
+            )
+            if (reduced['lost_tick'] >= 0).all():
+                break
+        return reduced
+
+    @property
+    def estimate(self) -> NDArray[np.float64]:
+        """Return the estimate of the base inertial parameters in the last tick."""
+        estimate: NDArray[np.float64] = self._now[0]['estimate']
+        return estimate
+
+
+@lru_cache(maxsize=16)
+def _law_settings(
+    mechanism: Mechanism, law: Law, switching: str, lanes: int, hybrid: bool, compensated: bool
+) -> tuple[records.Records, Any]:
+    """Return empty settings of a checked law, and the parameters to write into them."""
+    check(law, mechanism, switching)
+    settings = records.law_settings(
+        mechanism, law, switching, lanes, is_hybrid=hybrid, compensated=compensated
+    )
+    return settings, records.read_by(settings, mechanism)
+
+
+def of_all_lanes(run: Mapping[str, Values]) -> dict[str, Any]:
+    """Return the values of a run that are equal in all lanes, by NODE.parameter."""
+    names = {**_OF_ALL, 'trajectory': tuple(run['trajectory'])}
+    return {f'{node}.{name}': run[node][name] for node in names for name in names[node]}
+
 
 def _check_alike(runs: Sequence[Mapping[str, Values]]) -> None:
-    first = runs[0]
-    names = {**_OF_ALL, 'trajectory': tuple(first['trajectory'])}
+    first = of_all_lanes(runs[0])
     for run in runs[1:]:
-        for node, of_all in names.items():
-            for name in of_all:
-                if run[node][name] != first[node][name]:
-                    raise InputError(
-                        f'{node}.{name} = {run[node][name]}: expected {first[node][name]}, as in '
-                        'the other runs that are computed with it'
-                    )
+        for name, value in of_all_lanes(run).items():
+            if value != first[name]:
+                raise InputError(
+                    f'{name} = {value}: expected {first[name]}, as in the other runs that are '
+                    'computed with it'
+                )
         compensated = records.is_compensated(run['controller'])
-        if compensated != records.is_compensated(first['controller']):
+        if compensated != records.is_compensated(runs[0]['controller']):
             raise InputError(
                 'controller.latency: expected a latency > 0 in all runs that are computed '
                 'together, or in none'

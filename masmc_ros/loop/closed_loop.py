@@ -6,7 +6,8 @@ Compiled kernels of the closed loop: controller tick, plant tick and whole simul
 
 Python enters compiled control code only through the kernels in this module. The ROS 2 nodes and
 plug-in laws call the single-tick kernels once per control period. Offline simulation calls
-`closed_loop`, which computes many ticks, and many independent runs ("lanes"), in one call. All
+`closed_loop`, which computes many ticks, and many independent runs ("lanes"), in one call.
+`reduced_loop` does the same for campaigns and keeps no signals. All
 kernels inline the same formulas, so live and offline runs are bitwise identical.
 
 The kernels share these arguments. Each is an array of one record, except `delay_line`:
@@ -30,9 +31,10 @@ from masmc_ros.law.parts import delay_compensation
 from masmc_ros.law.parts.command_limits import within_limits
 from masmc_ros.law.parts.delay_compensation import State
 from masmc_ros.law.parts.velocity_estimator import estimate_rates
-from masmc_ros.loop.control import control
+from masmc_ros.loop.control import control, control_by_shortcut
+from masmc_ros.loop.reduction import reduce_tick
 from masmc_ros.numerics.arrays import to_vector
-from masmc_ros.numerics.compiled import formula, kernel
+from masmc_ros.numerics.compiled import formula, kernel, kernel_of_threads
 from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.numerics.record import copied, copy_to, lane_count
 from masmc_ros.numerics.tuples import dot, elementwise, joined, tail, thirds
@@ -346,6 +348,95 @@ def closed_loop(
     copy_to(control_state, memory[0])
     copy_to(row, signals[0])
     return residual == 0.0
+
+
+@kernel_of_threads
+def reduced_loop(
+    plant_settings: Any,
+    plant_memory: Any,
+    delay_line: Any,
+    settings: Any,
+    memory: Any,
+    signals: Any,
+    first: int,
+    final: bool,
+    reference: Any,
+    reduced: Any,
+    points: Any,
+    settling: Any,
+    begin: int,
+    end: int,
+) -> None:
+    """
+    Simulate ticks as `closed_loop` does, and reduce their signals instead of recording them.
+
+    Parameters
+    ----------
+    plant_settings, plant_memory, delay_line, settings, memory, signals, first, final, reference
+        See `closed_loop`.
+    reduced, points, settling, begin, end
+        See `loop.reduction.reduce_tick`.
+
+    """
+    plant_constants, plant_state = copied(plant_settings[0]), copied(plant_memory[0])
+    gains, control_state, row = copied(settings[0]), copied(memory[0]), copied(signals[0])
+    sums = copied(reduced[0])
+    n = len(reference)
+    for k in range(n):
+        write_reference(row, reference[k])
+        control(gains, control_state, row)
+        reduce_tick(sums, row, points, settling, first + k, begin, end)
+        if final and k == n - 1:
+            break
+        advance(plant_constants, plant_state, first + k, row, False)
+        observe(plant_constants, plant_state, delay_line, first + k + 1, row)
+    copy_to(plant_state, plant_memory[0])
+    copy_to(control_state, memory[0])
+    copy_to(row, signals[0])
+    copy_to(sums, reduced[0])
+
+
+@kernel_of_threads
+def reduced_loop_by_shortcut(
+    plant_settings: Any,
+    plant_memory: Any,
+    delay_line: Any,
+    shortcut: Any,
+    settings: Any,
+    memory: Any,
+    signals: Any,
+    first: int,
+    final: bool,
+    reference: Any,
+    reduced: Any,
+    points: Any,
+    settling: Any,
+    begin: int,
+    end: int,
+) -> None:
+    """
+    Simulate ticks as `reduced_loop` does, with the same results.
+
+    `shortcut` are the settings with the shortcut of the reaching term, see
+    `loop.control.control_by_shortcut`; the other arguments are those of `reduced_loop`.
+    """
+    plant_constants, plant_state = copied(plant_settings[0]), copied(plant_memory[0])
+    gains, control_state, row = copied(settings[0]), copied(memory[0]), copied(signals[0])
+    fast_gains, state_before = copied(shortcut[0]), copied(memory[0])
+    sums = copied(reduced[0])
+    n = len(reference)
+    for k in range(n):
+        write_reference(row, reference[k])
+        control_by_shortcut(fast_gains, gains, control_state, state_before, row)
+        reduce_tick(sums, row, points, settling, first + k, begin, end)
+        if final and k == n - 1:
+            break
+        advance(plant_constants, plant_state, first + k, row, False)
+        observe(plant_constants, plant_state, delay_line, first + k + 1, row)
+    copy_to(plant_state, plant_memory[0])
+    copy_to(control_state, memory[0])
+    copy_to(row, signals[0])
+    copy_to(sums, reduced[0])
 
 
 @formula

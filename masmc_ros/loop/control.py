@@ -18,7 +18,7 @@ from masmc_ros.law.tick import tick_of
 from masmc_ros.numerics.compiled import formula, inlined
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.lanes import lane_of
-from masmc_ros.numerics.record import lane_count
+from masmc_ros.numerics.record import copy_lane, copy_to, lane_count
 from masmc_ros.numerics.scalars import minus
 from masmc_ros.numerics.tuples import elementwise, tail, thirds
 from masmc_ros.robot import drift, mechanism
@@ -46,6 +46,49 @@ MEMORY = (
 @inlined
 def control(settings: Any, memory: Any, signals: Any) -> None:
     """Compute one tick of the law from the state and the reference in `signals`."""
+    estimators = _estimate(settings, memory, signals)
+    for lane in range(lane_count(settings)):
+        _control(lane_of(settings, lane), lane_of(memory, lane), lane_of(signals, lane))
+    _finish(settings, memory, signals, estimators)
+
+
+@inlined
+def control_by_shortcut(
+    shortcut: Any, settings: Any, memory: Any, before: Any, signals: Any
+) -> None:
+    """
+    Compute one tick as `control` does, by the shortcut of the reaching term where it applies.
+
+    Parameters
+    ----------
+    shortcut
+        The settings with the shortcut as their reaching term, see `law.reaching.SHORTCUT`.
+    settings, memory, signals
+        See `control`.
+    before
+        Record for the memory before the tick.
+
+    """
+    estimators = _estimate(settings, memory, signals)
+    lanes, repeated = lane_count(settings), 0.0
+    for lane in range(lanes):
+        lane_of(memory, lane).needs_full = 0.0
+    copy_to(memory, before)
+    for lane in range(lanes):
+        _control(lane_of(shortcut, lane), lane_of(memory, lane), lane_of(signals, lane))
+    for lane in range(lanes):
+        repeated += lane_of(memory, lane).needs_full
+    if repeated != 0.0:
+        for lane in range(lanes):
+            if lane_of(memory, lane).needs_full != 0.0:
+                copy_lane(before, memory, lane)
+                _control(lane_of(settings, lane), lane_of(memory, lane), lane_of(signals, lane))
+    _finish(settings, memory, signals, estimators)
+
+
+@inlined
+def _estimate(settings: Any, memory: Any, signals: Any) -> int:
+    """Estimate the velocities in the lanes that need it; return the number of lanes, or 0."""
     lanes, estimated = lane_count(settings), 0
     for lane in range(lanes):
         estimated += lane_of(settings, lane).velocity_source == ESTIMATED
@@ -57,15 +100,19 @@ def control(settings: Any, memory: Any, signals: Any) -> None:
             position = lane_of(signals, lane).position
             knows = not ((gains.takes_rates != 0) | moving_base.moves_by_velocity(gains))
             estimate_rates(gains, state, position, knows)
-    for lane in range(lanes):
-        _control(lane_of(settings, lane), lane_of(memory, lane), lane_of(signals, lane))
+    return estimators
+
+
+@inlined
+def _finish(settings: Any, memory: Any, signals: Any, estimators: int) -> None:
+    """Tell the estimators the disturbance, and update the law's memory after the tick."""
     for lane in range(estimators):
         gains, state = lane_of(settings, lane), lane_of(memory, lane)
         if gains.velocity_source == ESTIMATED:
             model = mechanism.model_of(gains)
             posture = mechanism.posture(model, lane_of(signals, lane).position)
             note_disturbance(state, model, posture, state.disturbance)
-    for lane in range(lanes):
+    for lane in range(lane_count(settings)):
         law.post_update(lane_of(settings, lane), lane_of(memory, lane))
 
 

@@ -175,6 +175,15 @@ def kernel(function: Callable[..., Any]) -> Any:
     return compiled if settings.DISABLE_JIT else Kernel(function, compiled)
 
 
+def kernel_of_threads(function: Callable[..., Any]) -> Any:
+    """
+    Compile a kernel that runs without Python's lock, so threads compute at the same time.
+
+    It is for calls of many milliseconds: after a short one, a thread would wait for the lock.
+    """
+    return _compile(function, nogil=True)
+
+
 def is_interpreted(kernel: Any) -> bool:
     """Return True if formulas run as Python, without a compiler."""
     return not hasattr(kernel, 'compile')

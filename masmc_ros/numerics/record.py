@@ -171,6 +171,25 @@ def _copy_to(compiler: Compiler, kinds: Any, values: Any) -> Any:
     return compiler.context.get_dummy_value()
 
 
+def copy_lane(source: Any, target: Any, lane: int) -> None:
+    """Copy one lane of a record without tags into another one of the same type."""
+    for name in source.dtype.names:
+        target[name][..., lane] = source[name][..., lane]
+
+
+@generated(copy_lane, lambda context, source, target, lane: types.none)
+def _copy_lane(compiler: Compiler, kinds: Any, values: Any) -> Any:
+    # Every number takes 8 bytes, and the lanes of a component are neighbours.
+    build, lanes, word = compiler.builder, _lanes(kinds[0]), ir.IntType(64)
+    words = [build.bitcast(value, word.as_pointer()) for value in values[:2]]
+    lane = compiler.cast(values[2], kinds[2], types.intp)
+    count = compiler.context.get_constant(types.intp, kinds[0].size // (8 * lanes))
+    with cgutils.for_range(build, count) as loop:
+        place = build.add(build.mul(loop.index, lane.type(lanes)), lane)
+        build.store(build.load(build.gep(words[0], [place])), build.gep(words[1], [place]))
+    return compiler.context.get_dummy_value()
+
+
 def _copy_bytes(builder: Any, target: Any, source: Any, size: int) -> None:
     byte = ir.IntType(8).as_pointer()
     cgutils.raw_memcpy(

@@ -67,13 +67,13 @@ def load_scenario(path: str, settings: Iterable[str] = ()) -> dict[str, Values]:
         If a node would reject a value.
 
     """
-    file = read(path)
+    file, settings = read(path), tuple(settings)
     extra = _settings(settings, file.for_node('plant'))
     # For every node: one that needs no robot skips the parameters of its mechanism.
-    robot = _of_robot(extra['plant'])
+    robot = _of_robot(dict(map(_parsed, settings)))
     scenario = {}
     for node in NODES:
-        start = node_values((file,), robot, node)
+        start = node_values((file,), robot | _of_robot(extra[node]), node)
         stated, places = dict(start.values), start.places
         mechanism = mechanism_from(stated)
         for name in accepted(node, mechanism) & stated.keys():
@@ -245,26 +245,43 @@ def _settings(settings: Iterable[str], plant: Values) -> dict[str, Values]:
     by_node: dict[str, Values] = {node: {} for node in NODES}
     parsed = [(setting, *_parsed(setting)) for setting in settings]
     mechanism = mechanism_from(plant | _of_robot({name: value for _, name, value in parsed}))
-    common = {parameter.name for parameter in shared(mechanism)}
     for setting, name, value in parsed:
-        node, _, parameter = name.partition('.')
-        if name in common:
-            for reader in NODES:
-                if name not in accepted(reader, mechanism):
-                    by_node[reader][name] = value
-        elif node in NODES:
-            known = [p.name for p in declared(node, mechanism)]
-            if parameter not in known:
-                raise InputError(
-                    f"--set {setting}: {node} has no parameter '{parameter}'; "
-                    f'{suggestion(parameter, known)}'
-                )
-            by_node[node][parameter] = value
-        else:
-            raise InputError(
-                f"--set {setting}: unknown parameter '{name}'; {_meant(mechanism, name)}"
-            )
+        for node, parameter in readers(name, mechanism, f'--set {setting}').items():
+            by_node[node][parameter.name] = value
     return by_node
+
+
+def readers(name: str, mechanism: Mechanism, place: str) -> dict[str, Parameter]:
+    """
+    Return the parameter of a name of the command line, by each node that reads it.
+
+    Parameters
+    ----------
+    name
+        NODE.parameter, or a shared parameter, which every node reads that declares it.
+    mechanism
+        Type of the robot.
+    place
+        Option with the name, for messages.
+
+    Raises
+    ------
+    InputError
+        If there is no such parameter.
+
+    """
+    common = {parameter.name: parameter for parameter in shared(mechanism)}
+    if name in common:
+        return {node: common[name] for node in NODES if name not in accepted(node, mechanism)}
+    node, _, short = name.partition('.')
+    if node not in NODES:
+        raise InputError(f"{place}: unknown parameter '{name}'; {_meant(mechanism, name)}")
+    known = {parameter.name: parameter for parameter in declared(node, mechanism)}
+    if short not in known:
+        raise InputError(
+            f"{place}: {node} has no parameter '{short}'; {suggestion(short, known)}"
+        )
+    return {node: known[short]}
 
 
 def _parsed(setting: str) -> tuple[str, FileValue]:

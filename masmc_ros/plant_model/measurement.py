@@ -14,12 +14,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.arrays import read_part, write_part
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.portable_random import gaussian
+from masmc_ros.numerics.record import lane_count
 from masmc_ros.numerics.scalars import minus, zero
-from masmc_ros.numerics.tuples import elementwise, from_index, head, joined, tail
+from masmc_ros.numerics.tuples import elementwise, head, joined, tail
 from masmc_ros.plant_model.delays import newest, OF_MEASUREMENT
 from masmc_ros.robot import mechanism
 
@@ -37,9 +37,16 @@ def quantised(angle: float, resolution: float) -> float:
 
 
 @formula
-def _noise(seed_and_tick: tuple[Any, Any], joint: int) -> float:
-    """Return a standard normal number of a seed, a tick and a joint."""
-    return gaussian(seed_and_tick[0], seed_and_tick[1], joint)
+def write_noise(plant: Any, memory: Any, tick: int) -> None:
+    """
+    Write the standard normal numbers of a tick into `memory`, in all lanes.
+
+    They have a loop of their own, as lanes vectorise in short loops.
+    """
+    standard_noise, seed = memory['standard_noise'], plant['seed']
+    for joint in range(len(standard_noise)):
+        for lane in range(lane_count(plant)):
+            standard_noise[joint, lane] = gaussian(seed[lane], tick, joint)
 
 
 @formula
@@ -49,38 +56,49 @@ def _noisy(rate: float, deviation: float, noise: float) -> float:
 
 
 @formula
-def measured(plant: Any, memory: Any, tick: int) -> tuple[Numbers, Numbers]:
-    """Return measured positions and velocities, before the delay."""
+def _chosen(is_first: bool, first: float, second: float) -> float:
+    return first if is_first else second
+
+
+@formula
+def measure(plant: Any, memory: Any, tick: int, signals: Any) -> None:
+    """
+    Write the measurement of the true state in `memory` at a tick into `signals`, without delay.
+
+    `memory` contains the noise. An exact measurement keeps the true state. Both cases are
+    computed, and one is chosen, because lanes vectorise without branches.
+    """
     model = mechanism.model_of(plant)
     position, rates = memory.position, memory.rates
     resolution, pose = plant.resolution, memory.odometry
     angles = elementwise(quantised, tail(position, rates), resolution)
-    counts = mechanism.counts_turns(model, resolution)
-    if (tick == 0) | (not counts):
-        pose = head(position, pose)
-    else:
-        turned = elementwise(minus, angles, memory.counted)
-        pose = mechanism.dead_reckoned(model, pose, turned)
+    counts = mechanism.counts_turns(model, resolution) & (tick != 0)
+    turned = elementwise(minus, angles, memory.counted)
+    counted = mechanism.dead_reckoned(model, pose, turned)
+    pose = elementwise(_chosen, counts, counted, head(position, pose))
     memory.odometry = pose
     memory.counted = angles
-    noise = from_index(_noise, rates, (plant.seed, tick))
-    rates = elementwise(_noisy, rates, plant.noise, noise)
+    rates = elementwise(_noisy, rates, plant.noise, memory.standard_noise)
     seen = joined(pose, angles)
     posture = mechanism.posture(model, seen)
     velocity = mechanism.position_rates(model, posture, rates)
-    is_blind = plant.lacks_velocity != 0
-    return seen, elementwise(zero, velocity) if is_blind else velocity
+    is_blind, is_exact = plant.lacks_velocity != 0, plant.is_exact != 0
+    velocity = elementwise(_chosen, is_blind, elementwise(zero, velocity), velocity)
+    signals.position = elementwise(_chosen, is_exact, signals.position, seen)
+    signals.velocity = elementwise(_chosen, is_exact, signals.velocity, velocity)
 
 
 @formula
-def measure(plant: Any, memory: Any, delayed: Any, tick: int, signals: Any) -> None:
+def delay_measurement(
+    plant: Any, memory: Any, delayed: Any, tick: int, signals: Any
+) -> None:
     """
-    Write the measurement of the true state in `memory` at a tick into `signals`.
+    Replace the measurement in `signals` by that of `delay` ticks before.
 
     `delayed` (maximum delay + 1, positions, velocities and commands) contains the latest
     measurements, that of tick k in row k mod (delay + 1).
     """
-    position, velocity = measured(plant, memory, tick)
+    position, velocity = signals.position, signals.velocity
     delay = plant.delay
     rows = delay + 1
     n = len(position)

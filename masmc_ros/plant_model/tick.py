@@ -26,7 +26,7 @@ from masmc_ros.plant_model.disturbance import (
     write_waves,
 )
 from masmc_ros.plant_model.drives import drive, lagging
-from masmc_ros.plant_model.measurement import measure
+from masmc_ros.plant_model.measurement import delay_measurement, measure, write_noise
 from masmc_ros.plant_model.motion import runge_kutta_stage
 from masmc_ros.plant_model.stiction import stuck
 from masmc_ros.robot import mechanism
@@ -88,6 +88,7 @@ MEMORY = (
     Field('drive_integral', 'joints', "Integrals of the drives' velocity loops", 'N·m'),
     Field('odometry', 'base', "The base's pose by counting", 'm, rad'),
     Field('counted', 'joints', 'Angles counted so far', 'rad'),
+    Field('standard_noise', 'joints', 'Standard normal numbers of the tick'),
 )
 """Memory from tick to tick."""
 
@@ -359,11 +360,21 @@ def write_velocity(plant: Any, memory: Any) -> None:
 @formula
 def observe(plant: Any, memory: Any, delayed: Any, tick: int, signals: Any) -> None:
     """Write the true state and its measurement into `signals`."""
-    for lane in range(lane_count(plant)):
+    lanes, inexact, delays = lane_count(plant), 0, 0
+    for lane in range(lanes):
         state, row = lane_of(memory, lane), lane_of(signals, lane)
         row.true_position = row.position = state.position
         row.true_velocity = row.velocity = state.velocity
-    for lane in range(lane_count(plant)):
-        robot, state, row = lane_of(plant, lane), lane_of(memory, lane), lane_of(signals, lane)
-        if robot.is_exact == 0:
-            measure(robot, state, lane_of(delayed, lane), tick, row)
+    for lane in range(lanes):
+        inexact += 1 - lane_of(plant, lane).is_exact
+        delays += lane_of(plant, lane).delay
+    # A vectorised loop computes all lanes or none.
+    if inexact > 0:
+        write_noise(plant, memory, tick)
+        for lane in range(lanes):
+            measure(lane_of(plant, lane), lane_of(memory, lane), tick, lane_of(signals, lane))
+    if delays > 0:
+        for lane in range(lanes):
+            robot, state = lane_of(plant, lane), lane_of(memory, lane)
+            row = lane_of(signals, lane)
+            delay_measurement(robot, state, lane_of(delayed, lane), tick, row)

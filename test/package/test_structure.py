@@ -32,6 +32,8 @@ ORDER = (
     *PARAMETERS_OF_NODES,
     'report',
     'compare',
+    'campaign',
+    'api',
     'nodes',
     'cli',
 )

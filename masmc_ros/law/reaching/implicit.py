@@ -27,7 +27,7 @@ from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.parts.delay_compensation import horizon, is_on
 from masmc_ros.law.parts.inverse_dynamics import limited_acceleration
 from masmc_ros.law.parts.slip import backed_off, SLIP_BACKOFF
-from masmc_ros.law.reaching.reaching import GAINS, Reaching
+from masmc_ros.law.reaching.reaching import GAINS, NEEDS_FULL, Reaching, SHORTCUT
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.aliases import Axes, Columns, Joints, Numbers
 from masmc_ros.numerics.arrays import to_vector
@@ -126,10 +126,10 @@ def _pushed(k_s1: float, following: float, k_s2: float, zeta: float, disturbance
 
 
 @formula
-def reach(settings: Settings, tick: Tick, memory: Memory) -> Axes:
-    """Return the reaching force, and store s+ and the disturbance estimate."""
-    inertia = mechanism.task_inertia(tick.model, tick.posture, tick.nominal, tick.surface)
-    k_s1, k_s2 = settings.k_s1, settings.k_s2
+def _reached(
+    settings: Settings, tick: Tick, memory: Memory, inertia: Columns, following: Axes, zeta: Axes
+) -> Axes:
+    """Return the reaching force of a solution, and store s+ and the disturbance estimate."""
     disturbance = memory.disturbance
     if not is_on(settings):
         gain = backed_off(
@@ -147,10 +147,29 @@ def reach(settings: Settings, tick: Tick, memory: Memory) -> Axes:
             gain / tick.period,
             disturbance,
         )
-    following, zeta = solution(inertia, horizon(settings), k_s1, k_s2, tick.surface)
     memory.disturbance = disturbance
     memory.predicted = following
-    return elementwise(_pushed, k_s1, following, k_s2, zeta, disturbance)
+    return elementwise(_pushed, settings.k_s1, following, settings.k_s2, zeta, disturbance)
+
+
+@formula
+def reach(settings: Settings, tick: Tick, memory: Memory) -> Axes:
+    """Return the reaching force, and store s+ and the disturbance estimate."""
+    inertia = mechanism.task_inertia(tick.model, tick.posture, tick.nominal, tick.surface)
+    k_s1, k_s2 = settings.k_s1, settings.k_s2
+    following, zeta = solution(inertia, horizon(settings), k_s1, k_s2, tick.surface)
+    return _reached(settings, tick, memory, inertia, following, zeta)
+
+
+@formula
+def reach_on_surface(settings: Settings, tick: Tick, memory: Memory) -> Axes:
+    """Return the force if all axes stay on the surface; count other cases in `needs_full`."""
+    inertia = mechanism.task_inertia(tick.model, tick.posture, tick.nominal, tick.surface)
+    force = matrix_times(inertia, tick.surface)
+    box = elementwise(_times, settings.k_s2, tick.period)
+    memory.needs_full += 1.0 - least(elementwise(_holds, force, box))
+    zeta = elementwise(_within, force, box)
+    return _reached(settings, tick, memory, inertia, elementwise(zero, tick.surface), zeta)
 
 
 @formula
@@ -164,6 +183,14 @@ def correct(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque:
         change = limited_acceleration(tick, tick.nominal, raw, torque)
         predicted = elementwise(moved, memory.predicted, change, tick.period)
         memory.predicted = predicted
+
+
+@formula
+def correct_nothing(
+    settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: Joints
+) -> None:
+    """Count in `needs_full` if torque limits changed the torque."""
+    memory.needs_full += 0.0 if torque == raw else 1.0
 
 
 @formula
@@ -285,13 +312,17 @@ def _within(value: float, box: float) -> float:
     return 1.0 if ratio > 1.0 else (-1.0 if ratio < -1.0 else ratio)
 
 
-IMPLICIT = Reaching(
-    'implicit',
-    reach,
-    correct,
-    (*GAINS, OBSERVER_GAIN, SLIP_BACKOFF),
-    (
-        Field('disturbance', 'axes', 'Disturbance estimate d', 'N'),
-        Field('predicted', 'axes', 's+; NaN: no prediction', 'm/s', initial=math.nan),
-    ),
+_MEMORY = (
+    Field('disturbance', 'axes', 'Disturbance estimate d', 'N'),
+    Field('predicted', 'axes', 's+; NaN: no prediction', 'm/s', initial=math.nan),
+    NEEDS_FULL,
 )
+
+_SETTINGS = (*GAINS, OBSERVER_GAIN, SLIP_BACKOFF)
+
+IMPLICIT = Reaching('implicit', reach, correct, _SETTINGS, _MEMORY)
+
+ON_SURFACE = Reaching(
+    f'implicit{SHORTCUT}', reach_on_surface, correct_nothing, _SETTINGS, _MEMORY
+)
+"""Shortcut for ticks at which all axes stay on the surface, and no torque is limited."""

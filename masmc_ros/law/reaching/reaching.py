@@ -70,10 +70,26 @@ class Reaching:
 
 _KNOWN: dict[str, Reaching] = {}
 
+SHORTCUT = '_shortcut'
+"""
+End of the name of a term that is valid for the common case only, and is no choice of `switching`.
+
+It has no branches, so lanes vectorise. It counts other cases in `needs_full` of the memory, and
+the tick of such a lane is computed again with the full term: `loop.control.control_by_shortcut`.
+"""
+
+NEEDS_FULL = Field('needs_full', description='Not 0 if a shortcut does not apply to the tick')
+"""Memory of a term with a shortcut."""
+
 
 def switchings() -> tuple[str, ...]:
     """Return the choices of `switching`."""
-    return tuple(_KNOWN)
+    return tuple(name for name in _KNOWN if not name.endswith(SHORTCUT))
+
+
+def shortcut_of(name: str) -> str:
+    """Return the name of the shortcut of a term; '' without one."""
+    return name + SHORTCUT if name + SHORTCUT in _KNOWN else ''
 
 
 _of_term = interface(by_tag('switching', lambda name: _KNOWN[name].formulas))

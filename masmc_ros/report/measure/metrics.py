@@ -164,19 +164,35 @@ def _computed(kind: type, *arguments: Any) -> dict[str, Any]:
     return {name: metric.formula(*arguments) for name, metric in declared(kind).items()}
 
 
+def _sums(values: Array) -> Array:
+    """Return the sums (n) of the rows of (n, m) values, added in their order."""
+    totals: Array = np.add.accumulate(values, axis=1)[:, -1]
+    return totals
+
+
+def _total(values: Array) -> float:
+    """
+    Return the sum of (n) values, n > 0, added in their order.
+
+    `np.sum` adds in an order that depends on n. Runs whose signals are not kept add tick by tick,
+    and their metrics are bitwise identical.
+    """
+    return float(np.add.accumulate(values)[-1])
+
+
 def rms_norm(vectors: Array) -> float | None:
     """Return the root mean square of the Euclidean norms of (n, m) vectors; None for n = 0."""
-    return float(np.sqrt(np.mean(np.sum(vectors**2, axis=1)))) if len(vectors) else None
+    return math.sqrt(_total(_sums(vectors**2)) / len(vectors)) if len(vectors) else None
 
 
 def largest_norm(vectors: Array) -> float | None:
     """Return the largest Euclidean norm of (n, m) vectors; None for n = 0."""
-    return float(np.sqrt(np.max(np.sum(vectors**2, axis=1)))) if len(vectors) else None
+    return float(np.sqrt(np.max(_sums(vectors**2)))) if len(vectors) else None
 
 
 def total_variation(samples: Array) -> float:
     """Return the total variation of (n, m) samples, summed over the m columns."""
-    return float(np.sum(np.abs(np.diff(samples, axis=0))))
+    return _total(_sums(np.abs(np.diff(samples, axis=0)))) if len(samples) > 1 else 0.0
 
 
 def _variation(samples: Samples) -> float | None:

@@ -58,8 +58,16 @@ def settling_time(times: Array, errors: Array, changed: float = -math.inf) -> fl
         return None
     outside = np.flatnonzero(~(np.linalg.norm(errors, axis=1) <= settling_band(errors)))
     first = int(outside[-1]) + 1 if len(outside) else 0
-    start, end = float(times[0]), float(times[-1])
+    settled = float(times[first]) if first < len(times) else math.inf
+    return settled_after(float(times[0]), settled, float(times[-1]), changed)
+
+
+def settled_after(start: float, settled: float, end: float, changed: float = -math.inf) -> float:
+    """
+    Return the settling time in s of an error that stays in the band from the time `settled` on.
+
+    `start` and `end` are the times of the first and of the last error; `settled` is infinite if
+    the last one is outside of the band.
+    """
     stay = max(STAY * (end - max(start, changed)), LEAST_STAY * (end - start))
-    if first == len(times) or end - times[first] < stay:
-        return math.inf
-    return float(times[first]) - start
+    return settled - start if end - settled >= stay else math.inf

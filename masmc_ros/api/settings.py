@@ -1,0 +1,56 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Settings of the Python interface as those of the command line."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from masmc_ros.errors import InputError
+from masmc_ros.params.file import read
+from masmc_ros.params.node_parameters import declared, shared
+from masmc_ros.params.text import yaml_text
+from masmc_ros.robot.declaration import Mechanism
+from masmc_ros.robot.mechanisms import mechanism_from
+
+_NODES = ('controller', 'plant', 'trajectory')
+
+
+def settings_of(
+    file: str, settings: Mapping[str, Any] | None, values: Mapping[str, Any]
+) -> list[str]:
+    """
+    Return NAME=VALUE settings of `--set`.
+
+    Parameters
+    ----------
+    file
+        parameter file, whose robot determines the known names.
+    settings
+        values by full name, as in `--set`.
+    values
+        values by the name of the parameter without its node; the dots of names are two
+        underscores.
+
+    Raises
+    ------
+    InputError
+        If a short name belongs to several nodes.
+
+    """
+    mechanism = mechanism_from({**read(file).for_node('plant'), **(settings or {})})
+    named = {_full_name(name.replace('__', '.'), mechanism): v for name, v in values.items()}
+    return [f'{name}={yaml_text(value)}' for name, value in {**(settings or {}), **named}.items()]
+
+
+def _full_name(name: str, mechanism: Mechanism) -> str:
+    """Return the name with its node; a shared or unknown one unchanged."""
+    if any(parameter.name == name for parameter in shared(mechanism)):
+        return name
+    nodes = [node for node in _NODES if any(p.name == name for p in declared(node, mechanism))]
+    if len(nodes) > 1:
+        full = ' or '.join(f"'{node}.{name}'" for node in nodes)
+        raise InputError(f'{name}: a parameter of several nodes; expected settings with {full}')
+    return f'{nodes[0]}.{name}' if nodes else name

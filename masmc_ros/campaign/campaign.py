@@ -1,0 +1,249 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Description of a campaign: a scenario, and the values of its runs by their numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property
+import hashlib
+import json
+import math
+import shlex
+from typing import Any
+
+from masmc_ros import __version__
+from masmc_ros.campaign.axes import Axis
+from masmc_ros.campaign.draws import check_range, Draw, drawn
+from masmc_ros.campaign.variable import Scenario, Variable
+from masmc_ros.errors import InputError
+from masmc_ros.law import registry
+from masmc_ros.law.law import Law
+from masmc_ros.log.write.provenance import git_state
+from masmc_ros.params.declaration import check_all
+from masmc_ros.params.node_parameters import declared
+from masmc_ros.params.scenario import load_scenario
+from masmc_ros.params.text import yaml_text
+from masmc_ros.robot.declaration import Mechanism, URDF
+from masmc_ros.robot.mechanisms import mechanism_from
+import numpy as np
+
+NODES = ('plant', 'trajectory', 'controller')
+"""Nodes of a simulated run."""
+
+SEED = 'plant.seed'
+
+_SEEDS = 2**32
+
+
+@dataclass(frozen=True)
+class Run:
+    """
+    A run of a campaign.
+
+    Attributes
+    ----------
+    number
+        its number, from 0.
+    values
+        values of the variables by name: those of the axes, then drawn ones.
+    scenario
+        checked values of its nodes.
+
+    """
+
+    number: int
+    values: dict[str, Any]
+    scenario: Scenario
+
+
+@dataclass(frozen=True, eq=False)
+class Campaign:
+    """
+    Pure description of a campaign; every run follows from it and from the number of the run.
+
+    The runs are the points of the grid of all axes, the last axis fastest, `repeats` runs at
+    each. Run k of a point has draw k and seed `plant.seed` + k, the same at all points.
+
+    Attributes
+    ----------
+    file
+        parameter file, for the commands that repeat a run.
+    settings
+        settings of `--set`, for the same.
+    scenario
+        checked values of NODES, with the settings. A URDF is its text, not its path.
+    axes
+        axes of variation.
+    draws
+        random values.
+    repeats
+        runs at each point of the grid.
+    seed
+        seed of the draws.
+    sobol
+        whether they are points of a Sobol sequence.
+
+    """
+
+    file: str
+    settings: tuple[str, ...]
+    scenario: Scenario
+    axes: tuple[Axis, ...] = ()
+    draws: tuple[Draw, ...] = ()
+    repeats: int = 1
+    seed: int = 0
+    sobol: bool = False
+
+    @property
+    def total(self) -> int:
+        """Return the number of runs."""
+        return math.prod(len(axis.values) for axis in self.axes) * self.repeats
+
+    @cached_property
+    def mechanism(self) -> Mechanism:
+        """Return the type of the robot."""
+        return mechanism_from(self.scenario['plant'])
+
+    @cached_property
+    def variables(self) -> tuple[Variable, ...]:
+        """Return the variables of the axes, then those of the draws."""
+        options = [*(('--vary', axis.name) for axis in self.axes),
+                   *(('--draw', draw.name) for draw in self.draws)]  # fmt: skip
+        return tuple(
+            Variable.named(name, self.mechanism, f'{option} {name}') for option, name in options
+        )
+
+    @cached_property
+    def text(self) -> str:
+        """Return the description as JSON, from which `from_text` makes it again."""
+        return json.dumps(
+            {field.name: getattr(self, field.name) for field in fields(self)}, sort_keys=True
+        )
+
+    @classmethod
+    def from_text(cls, text: str) -> Campaign:
+        """Return the campaign of a JSON text."""
+        values = json.loads(text)
+        mechanism = mechanism_from(values['scenario']['plant'])
+        values['scenario'] = {
+            node: check_all(declared(node, mechanism), values['scenario'][node]) for node in NODES
+        }
+        values['settings'] = tuple(values['settings'])
+        values['axes'] = tuple(Axis(name, tuple(entries)) for name, entries in values['axes'])
+        values['draws'] = tuple(Draw(n, kind, tuple(a)) for n, kind, a in values['draws'])
+        return cls(**values)
+
+    @cached_property
+    def key(self) -> str:
+        """Return the digest of the description and of the code."""
+        content = f'{self.text} {__version__} {git_state()}'
+        return hashlib.sha256(content.encode()).hexdigest()[:16]
+
+    def runs(self, first: int, count: int) -> Iterator[Run]:
+        """Yield runs by their numbers; InputError for values that a node would reject."""
+        numbers = np.arange(first, first + count)
+        points, repeats = np.divmod(numbers, self.repeats)
+        shape = tuple(len(axis.values) for axis in self.axes)
+        places = np.unravel_index(points, shape) if shape else ()
+        start = int(repeats.min())
+        known = drawn(
+            self.draws, self.seed, start, int(repeats.max()) + 1 - start, sobol=self.sobol
+        )
+        for k, number in enumerate(numbers.tolist()):
+            repeat = int(repeats[k])
+            varied = [
+                axis.values[place[k]] for axis, place in zip(self.axes, places, strict=True)
+            ]
+            values = [*varied, *(float(column[repeat - start]) for column in known)]
+            yield self._run(number, repeat, values)
+
+    def _run(self, number: int, repeat: int, values: Sequence[Any]) -> Run:
+        scenario = {node: dict(self.scenario[node]) for node in NODES}
+        plant = scenario['plant']
+        plant['seed'] = (plant['seed'] + repeat) % _SEEDS
+        for variable, value in zip(self.variables, values, strict=True):
+            variable.write(scenario, value)
+        names = [variable.name for variable in self.variables]
+        return Run(number, dict(zip(names, values, strict=True)), scenario)
+
+    def command(self, run: Run) -> str:
+        """Return the command that repeats a run."""
+        settings = [*self.settings, *(v.setting(run.scenario) for v in self.variables)]
+        seed = run.scenario['plant']['seed']
+        if seed != self.scenario['plant']['seed']:
+            settings.append(f'{SEED}={seed}')
+        options = ' '.join(f'--set {shlex.quote(setting)}' for setting in dict.fromkeys(settings))
+        return f'masmc simulate {shlex.quote(self.file)} {options}'.rstrip()
+
+
+def campaign_of(
+    file: str,
+    settings: Sequence[str] = (),
+    *,
+    axes: Sequence[Axis] = (),
+    draws: Sequence[Draw] = (),
+    repeats: int = 1,
+    seed: int = 0,
+    sobol: bool = False,
+) -> Campaign:
+    """
+    Return the campaign of a parameter file; see `Campaign` for the arguments.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown, appears twice or cannot vary, or if a value of an axis or a value
+        that can be drawn is out of range.
+
+    """
+    scenario = load_scenario(file, settings)
+    values = {node: scenario[node] for node in NODES}
+    urdf = values['plant'].get(URDF)
+    if urdf:
+        from masmc_ros.robot.tree.tree_mechanism import described
+
+        for node in NODES:
+            values[node] = {**values[node], URDF: described(urdf)[0]}
+    campaign = Campaign(
+        file, tuple(settings), values, tuple(axes), tuple(draws), repeats, seed, sobol
+    )
+    names = [variable.name for variable in campaign.variables]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f'{name}: varies twice; expected each parameter once')
+    if SEED in names and repeats > 1 and not any(draw.name == SEED for draw in draws):
+        raise InputError(f'{SEED}: already differs between the runs of a point; remove the axis')
+    for axis, variable in zip(axes, campaign.variables, strict=False):
+        place = f'--vary {axis.name}={",".join(map(yaml_text, axis.values))}'
+        for value in axis.values:
+            _check(variable, values, value, place)
+    for draw, variable in zip(draws, campaign.variables[len(axes):], strict=True):
+        check_range(draw, variable.parameter)
+        if (variable.parameter.kind == 'integer') != (draw.distribution == 'integers'):
+            other = 'another distribution than integers'
+            expected = 'integers' if variable.parameter.kind == 'integer' else other
+            raise InputError(f'--draw {draw.text}: expected {expected}')
+        _check(variable, values, float(draw.frozen.median()), f'--draw {draw.text}')
+    for law in _laws(campaign):
+        if not isinstance(registry.load_for(law, campaign.mechanism), Law):
+            raise InputError(
+                f'controller.law = {law}: it is plain Python, expected a compiled law'
+            )
+    return campaign
+
+
+def _check(variable: Variable, scenario: Scenario, value: Any, place: str) -> None:
+    try:
+        variable.write({node: dict(values) for node, values in scenario.items()}, value)
+    except InputError as error:
+        raise InputError(f'{place}: {error}') from None
+
+
+def _laws(campaign: Campaign) -> list[Any]:
+    """Return the names of all laws of a campaign."""
+    varied = [axis.values for axis in campaign.axes if axis.name == 'controller.law']
+    return list(*varied) or [campaign.scenario['controller']['law']]
+

@@ -1,0 +1,113 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Dataset of a campaign: a folder of Parquet files, one for each part.
+
+The name of a file has the first run and the number of runs, and a file gets its name once it is
+complete. An interrupted campaign therefore continues with the runs that no file has. Every file
+has the description of the campaign, the versions and the key as metadata.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from importlib.metadata import version
+from itertools import pairwise
+from pathlib import Path
+import platform
+import re
+from typing import Any
+
+from masmc_ros import __version__
+from masmc_ros.campaign.campaign import Campaign
+from masmc_ros.campaign.part import Rows
+from masmc_ros.errors import InputError
+from masmc_ros.log.write.provenance import git_state
+from masmc_ros.report.files import make_folder, whole_file
+import numpy as np
+import pyarrow as pa
+from pyarrow import parquet
+
+_NAME = re.compile(r'part-([0-9]{10})-([0-9]+)\.parquet')
+
+_PREFIX = 'masmc_ros.'
+"""Of the names of metadata."""
+
+
+def versions() -> dict[str, str]:
+    """Return the versions on which the rows depend."""
+    packages = {name: version(name) for name in ('numpy', 'numba', 'scipy')}
+    return {'masmc_ros': __version__, 'git': git_state(), **packages}
+
+
+class Dataset:
+    """Rows of a campaign on the disk."""
+
+    def __init__(self, folder: Path, campaign: Campaign) -> None:
+        """
+        Initialise the dataset in a folder, which may have rows of the same campaign.
+
+        Raises InputError if the folder has files of another campaign.
+        """
+        self.folder = folder
+        self.campaign = campaign
+        self._metadata = {
+            'campaign': campaign.text,
+            'key': campaign.key,
+            'python': platform.python_version(),
+            'machine': platform.machine(),
+            **versions(),
+        }
+        for path in self._files():
+            key = (parquet.read_schema(path).metadata or {}).get(f'{_PREFIX}key'.encode(), b'')
+            if key.decode() != campaign.key:
+                raise InputError(
+                    f'{path}: runs of another campaign or version; expected an empty folder, or '
+                    'the same command to continue; choose another --output, or remove the folder'
+                )
+        for path in folder.glob('part-*.parquet.part'):
+            path.unlink()  # of a killed process
+
+    def missing(self, size: int) -> Iterator[tuple[int, int]]:
+        """Yield first run and number of runs of the missing parts, at most `size` runs each."""
+        known = sorted(self._ranges())
+        edges = [(0, 0), *known, (self.campaign.total, 0)]
+        for (first, count), (following, _) in pairwise(edges):
+            for start in range(first + count, following, size):
+                yield start, min(size, following - start)
+
+    @property
+    def done(self) -> int:
+        """Return the number of runs on the disk."""
+        return sum(count for _, count in self._ranges())
+
+    def write(self, rows: Rows) -> None:
+        """Write the rows of a part; the file is complete or missing."""
+        make_folder(self.folder)
+        first, count = int(rows['run'][0]), len(rows['run'])
+        path = self.folder / f'part-{first:010d}-{count}.parquet'
+        with whole_file(path) as stream:
+            parquet.write_table(self._table(rows), stream, compression='zstd')
+
+    def table(self) -> pa.Table:
+        """Return all rows by the number of the run."""
+        return pa.concat_tables([parquet.read_table(path) for path in self._files()])
+
+    def _files(self) -> list[Path]:
+        return sorted(path for path in self.folder.glob('part-*') if _NAME.fullmatch(path.name))
+
+    def _ranges(self) -> list[tuple[int, int]]:
+        matches = (_NAME.fullmatch(path.name) for path in self._files())
+        return [(int(match[1]), int(match[2])) for match in matches if match]
+
+    def _table(self, rows: Rows) -> pa.Table:
+        # NaN stands for missing numbers, which tables of other programs count as null.
+        columns = {name: pa.array(values, from_pandas=True) for name, values in rows.items()}
+        metadata = {f'{_PREFIX}{name}': value for name, value in self._metadata.items()}
+        return pa.table(columns).replace_schema_metadata(metadata)
+
+
+def arrays(table: pa.Table) -> dict[str, np.ndarray[Any, Any]]:
+    """Return the columns of a table as arrays, missing numbers as NaN."""
+    return {name: table[name].to_numpy() for name in table.column_names}

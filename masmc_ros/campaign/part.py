@@ -1,0 +1,128 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Rows of a part of a campaign: a pure function of the campaign and the numbers of the runs.
+
+Runs of equal law, timing and trajectory are computed in lanes. Every lane is bitwise identical to
+the run alone, so the rows do not depend on the size of parts or on the order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from typing import Any
+
+from masmc_ros.campaign.campaign import Campaign, Run
+from masmc_ros.errors import InputError
+from masmc_ros.loop.batch_simulation import of_all_lanes
+from masmc_ros.report.measure.metrics import Metrics, Reached
+from masmc_ros.report.measure.reduced import reduced_metrics
+from masmc_ros.report.measure.table import Column, columns
+from masmc_ros.robot.declaration import Mechanism
+import numpy as np
+
+LANES = 16
+"""Number of runs side by side, which fills the widest vectors twice."""
+
+WORTH_LANES = 4 * LANES
+"""Number of runs of a campaign from which compilation for lanes is faster."""
+
+Rows = dict[str, Any]
+"""Columns by name: arrays of equal length."""
+
+
+class StoppedError(Exception):
+    """The computation was stopped between two batches."""
+
+
+def metric_columns(mechanism: Mechanism) -> list[Column]:
+    """Return the metrics of the rows of a robot."""
+    return columns([Metrics(0.0, 0.0, {point: Reached() for point in mechanism.points}, 0)])
+
+
+def rows(
+    campaign: Campaign, first: int, count: int, is_stopped: Callable[[], bool] = lambda: False
+) -> Rows:
+    """
+    Compute runs `first` to `first + count - 1`.
+
+    Parameters
+    ----------
+    campaign
+        the campaign.
+    first, count
+        numbers of the runs.
+    is_stopped
+        asked between two batches; True ends the computation by `StoppedError`.
+
+    Returns
+    -------
+        `run` and `seed`, the varied and drawn values by name, the metrics, NaN for lost runs,
+        `lost`, and `lost_at` in s, NaN for others.
+
+    """
+    runs = list(campaign.runs(first, count))
+    lanes = LANES if campaign.total >= WORTH_LANES else 1
+    results = evaluated(runs, lanes, is_stopped)
+    return {
+        'run': np.array([run.number for run in runs]),
+        'seed': np.array([run.scenario['plant']['seed'] for run in runs]),
+        **{v.name: v.column([run.values[v.name] for run in runs]) for v in campaign.variables},
+        **{
+            column.name: np.array([_number(column, result) for result in results], np.float64)
+            for column in metric_columns(campaign.mechanism)
+        },
+        'lost': np.array([isinstance(result, float) for result in results]),
+        'lost_at': np.array([r if isinstance(r, float) else np.nan for r in results]),
+    }
+
+
+def evaluated(
+    runs: Sequence[Run], lanes: int, is_stopped: Callable[[], bool] = lambda: False
+) -> list[Metrics | float]:
+    """Return the metrics of runs, of lost ones the time in s; see `rows` and `reduced_metrics`."""
+    groups: dict[tuple[Any, ...], list[int]] = {}
+    for place, run in enumerate(runs):
+        groups.setdefault(tuple(of_all_lanes(run.scenario).values()), []).append(place)
+    results: list[Metrics | float] = [np.nan] * len(runs)
+    for group in groups.values():
+        for start in range(0, len(group), lanes):
+            if is_stopped():
+                raise StoppedError
+            places = group[start:start + lanes]
+            batch = _computed([runs[place] for place in places], lanes)
+            for place, result in zip(places, batch, strict=False):
+                results[place] = result
+    return results
+
+
+@lru_cache(maxsize=4)
+def _campaign(text: str) -> Campaign:
+    return Campaign.from_text(text)
+
+
+def rows_of_text(text: str, first: int, count: int) -> Rows:
+    """Compute the rows of the campaign of a JSON text, for another process."""
+    return rows(_campaign(text), first, count)
+
+
+def _computed(batch: Sequence[Run], lanes: int) -> list[Metrics | float]:
+    """Return the metrics of the runs of a batch; the last run fills the remaining lanes."""
+    scenarios = [run.scenario for run in batch]
+    try:
+        return reduced_metrics([*scenarios, *scenarios[-1:] * (lanes - len(batch))])
+    except InputError as error:
+        if len(batch) == 1:
+            raise InputError(f'run {batch[0].number}: {error}') from None
+        # Find the run that cannot be computed.
+        for run in batch:
+            _computed([run], lanes)
+        raise
+
+
+def _number(column: Column, result: Metrics | float) -> float:
+    """Return a metric; NaN for a run that was lost, and without data."""
+    value = None if isinstance(result, float) else column.value(result)
+    return np.nan if value is None else value

@@ -1,0 +1,138 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Summary of a campaign: percentiles of the metrics, rank correlations and lost runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import math
+import sys
+from textwrap import fill
+from typing import Any
+
+from masmc_ros.campaign.campaign import Campaign
+from masmc_ros.campaign.part import metric_columns
+from masmc_ros.errors import InputError, suggestion
+from masmc_ros.numerics.aliases import Array
+from masmc_ros.report.aligned import aligned
+from masmc_ros.report.measure.table import Column, number
+import numpy as np
+from numpy.typing import NDArray
+
+Columns = Mapping[str, NDArray[Any]]
+
+_PERCENTILES = (5, 50, 95, 100)
+
+_SHOWN = 5
+"""Number of lost runs that are printed; the dataset has all."""
+
+
+def metric_named(campaign: Campaign, name: str, option: str = '--metric') -> Column:
+    """
+    Return the metric of a name, of '' the first one.
+
+    InputError, starting with the name of the `option`, for an unknown name.
+    """
+    known = {column.name: column for column in metric_columns(campaign.mechanism)}
+    name = name or next(iter(known))
+    if name not in known:
+        raise InputError(f"{option}: '{name}' is unknown; {suggestion(name, known)}")
+    return known[name]
+
+
+def text(campaign: Campaign, columns: Columns, metric: Column, width: int = sys.maxsize) -> str:
+    """Return the summary; the best point of the axes and correlations are those of a metric."""
+    lost = np.flatnonzero(columns['lost'])
+    lines = [f'{campaign.total} runs, {len(lost)} of them diverged', '']
+    lines += _percentiles(campaign, columns, width)
+    if campaign.axes:
+        lines += ['', *_best(campaign, columns, metric)]
+    if campaign.draws and campaign.repeats > 2:
+        lines += ['', *_correlations(campaign, columns, metric, width)]
+    if len(lost):
+        lines += ['', 'diverged runs, each with the command that repeats it:']
+        for run in lost[:_SHOWN].tolist():
+            command = campaign.command(next(campaign.runs(run, 1)))
+            lines.append(f'run {run}, t = {columns["lost_at"][run]:g} s: {command}')
+        if len(lost) > _SHOWN:
+            lines.append(f'... and {len(lost) - _SHOWN} more, column lost of the dataset')
+    return '\n'.join(lines) + '\n'
+
+
+def label(column: Column) -> str:
+    """Return the head of a metric with its unit."""
+    return f'{column.head} ({column.shown_unit})'
+
+
+def values_by_point(campaign: Campaign, values: Array) -> Array:
+    """Return the median of a metric over the runs of each point of the grid, by axis."""
+    shape = tuple(len(axis.values) for axis in campaign.axes)
+    by_point = values.reshape(*shape, campaign.repeats)
+    known = np.isfinite(by_point)
+    # A point whose runs are lost, all of them or most, has no median.
+    filled = np.where(known, by_point, math.inf)
+    medians: Array = np.median(filled, axis=-1)
+    return np.where(np.isfinite(medians), medians, np.nan)
+
+
+def _percentiles(campaign: Campaign, columns: Columns, width: int) -> list[str]:
+    head = ['', *(f'{p} %' if p < 100 else 'largest' for p in _PERCENTILES)]
+    body = []
+    for column in metric_columns(campaign.mechanism):
+        values = columns[column.name]
+        known = values[~np.isnan(values)] * column.factor
+        if not len(known):
+            continue
+        # Observed values, as the mean of two of them may be infinite.
+        found = np.percentile(known, _PERCENTILES, method='nearest').tolist()
+        cells = (number(v) if math.isfinite(v) else 'does not' for v in found)
+        body.append([label(column), *cells])
+    return aligned([head, *body], (0,), rule=1, width=width) if body else []
+
+
+def _best(campaign: Campaign, columns: Columns, metric: Column) -> list[str]:
+    medians = values_by_point(campaign, columns[metric.name])
+    if not np.isfinite(medians).any():
+        return ['no point of the grid where most runs stay finite']
+    place = np.unravel_index(int(np.nanargmin(medians)), medians.shape)
+    point = ', '.join(
+        f'{axis.name} = {_shown(axis.values[int(i)])}'
+        for axis, i in zip(campaign.axes, place, strict=True)
+    )
+    least = number(float(medians[place]) * metric.factor)
+    return [f'smallest {label(metric)}: {least} at {point}']
+
+
+def _correlations(
+    campaign: Campaign, columns: Columns, metric: Column, width: int
+) -> list[str]:
+    """Return Spearman's rank correlation of each draw with a metric, by its size."""
+    values = columns[metric.name]
+    known = np.isfinite(values)
+    if known.sum() < 3:
+        return []
+    found = {
+        draw.name: _rank_correlation(columns[draw.name][known], values[known])
+        for draw in campaign.draws
+    }
+    body = [[name, f'{found[name]:.2f}'] for name in sorted(found, key=lambda n: -abs(found[n]))]
+    head = fill(f'rank correlation with {metric.head}, -1 to 1:', width)
+    return [head, *aligned(body, (0,), width=width)]
+
+
+def _rank_correlation(first: NDArray[Any], second: Array) -> float:
+    """Return Spearman's coefficient; 0 if one of them is constant."""
+    ranks = np.array([_ranks(first), _ranks(second)])
+    return float(np.corrcoef(ranks)[0, 1]) if np.ptp(ranks, axis=1).all() else 0.0
+
+
+def _ranks(values: NDArray[Any]) -> Array:
+    """Return the ranks, of equal values their mean."""
+    _, group, counts = np.unique(values, return_inverse=True, return_counts=True)
+    ranks: Array = (np.cumsum(counts) - (counts - 1) / 2.0)[group]
+    return ranks
+
+
+def _shown(value: Any) -> str:
+    return f'{value:.6g}' if isinstance(value, float) else str(value)

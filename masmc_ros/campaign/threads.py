@@ -1,0 +1,50 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Parts of a campaign on all processors of this machine, in threads of one process."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from itertools import islice
+import os
+from threading import Event
+
+from masmc_ros.campaign.campaign import Campaign
+from masmc_ros.campaign.part import Rows, rows
+
+Part = tuple[int, int]
+"""First run and number of runs."""
+
+
+def processors() -> int:
+    """Return the number of processors that this process may use."""
+    if hasattr(os, 'sched_getaffinity'):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def computed(campaign: Campaign, parts: Iterable[Part], threads: int) -> Iterator[Rows]:
+    """
+    Yield the rows of parts in the order of completion.
+
+    The kernel runs without Python's lock. If the caller ends early, threads end after their
+    current batch.
+    """
+    stop, waiting = Event(), iter(parts)
+    running: set[Future[Rows]] = set()
+    with ThreadPoolExecutor(threads) as pool:
+        try:
+            while True:
+                for part in islice(waiting, threads + 1 - len(running)):
+                    running.add(pool.submit(rows, campaign, *part, stop.is_set))
+                if not running:
+                    return
+                done, running = wait(running, return_when=FIRST_COMPLETED)
+                for future in done:
+                    yield future.result()
+        finally:
+            stop.set()
+            for future in running:
+                future.cancel()

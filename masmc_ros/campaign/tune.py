@@ -1,0 +1,239 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Search of parameters that minimise two metrics at once, over drawn robots.
+
+NSGA-II of Optuna proposes generations of candidates. Each candidate runs with all draws, which
+are the same for all candidates, and its objectives are a percentile of the metrics over these
+runs. A lost run counts as infinite. The result are the candidates that no other one surpasses in
+both metrics, the Pareto front.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+import math
+from threading import Event
+from typing import Any, NamedTuple
+
+from masmc_ros.campaign.campaign import Campaign, Run
+from masmc_ros.campaign.part import evaluated, LANES
+from masmc_ros.campaign.variable import Variable
+from masmc_ros.errors import InputError
+from masmc_ros.numerics.aliases import Array
+from masmc_ros.params.scalar import typed
+from masmc_ros.report.measure.table import Column
+import numpy as np
+
+POPULATION = 32
+"""Candidates of a generation."""
+
+FORM = 'NAME=LOW:HIGH or NAME=LOW:HIGH:log'
+
+_LOST = 1.0e300
+"""Objective of candidates with lost runs: Optuna accepts no infinite ones in its distances."""
+
+
+class Range(NamedTuple):
+    """Parameter that is searched, with its range."""
+
+    name: str
+    low: float
+    high: float
+    is_log: bool
+
+
+class Candidate(NamedTuple):
+    """Values of the searched parameters, and the objectives, infinite with lost runs."""
+
+    values: dict[str, float]
+    objectives: tuple[float, float]
+
+
+class Tuning(NamedTuple):
+    """
+    Result of a search.
+
+    Attributes
+    ----------
+    start
+        values of the scenario.
+    candidates
+        all evaluated candidates.
+    front
+        those that no other one surpasses, by the first objective.
+    chosen
+        of the front the smallest first objective with a second one not larger than that of the
+        scenario's values; without such a candidate the one nearest to the smallest objectives.
+
+    """
+
+    start: Candidate
+    candidates: list[Candidate]
+    front: list[Candidate]
+    chosen: Candidate
+
+
+def searched(text: str) -> Range:
+    """Return the range of `--tune`, see FORM; InputError for another text or an empty range."""
+    name, _, values = text.partition('=')
+    parts = values.split(':')
+    is_log = parts[2:] == ['log']
+    numbers = [typed(part) for part in parts[:2]]
+    if not name or len(parts) != (3 if is_log else 2) or not all(
+        isinstance(n, int | float) and not isinstance(n, bool) for n in numbers
+    ):
+        raise InputError(f'--tune {text}: expected {FORM}')
+    low, high = map(float, numbers)
+    if not low < high or (is_log and low <= 0.0):
+        expected = '0 < LOW < HIGH' if is_log else 'LOW < HIGH'
+        raise InputError(f'--tune {text}: empty range; expected {expected}')
+    return Range(name, low, high, is_log)
+
+
+def variables_of(campaign: Campaign, ranges: Sequence[Range]) -> list[Variable]:
+    """Return the searched parameters; InputError for one that is no number or out of range."""
+    variables = []
+    for entry in ranges:
+        place = f'--tune {entry.name}'
+        variable = Variable.named(entry.name, campaign.mechanism, place)
+        if variable.parameter.kind not in ('double', 'doubles'):
+            raise InputError(f'{place}: expected a parameter whose values are numbers')
+        for value in (entry.low, entry.high):
+            try:
+                variable.write({n: dict(v) for n, v in campaign.scenario.items()}, value)
+            except InputError as error:
+                raise InputError(f'{place}: {error}') from None
+        variables.append(variable)
+    names = [entry.name for entry in ranges] + [draw.name for draw in campaign.draws]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f'{name}: appears twice; expected each parameter once')
+    return variables
+
+
+def with_values(run: Run, variables: Sequence[Variable], values: Sequence[float]) -> Run:
+    """Return a run with the values of a candidate."""
+    scenario = {node: dict(of_node) for node, of_node in run.scenario.items()}
+    for variable, value in zip(variables, values, strict=True):
+        variable.write(scenario, value)
+    return replace(run, scenario=scenario)
+
+
+class Evaluation:
+    """Objectives of candidates, computed in lanes and threads."""
+
+    def __init__(
+        self,
+        campaign: Campaign,
+        variables: Sequence[Variable],
+        objectives: Sequence[Column],
+        percentile: float,
+        threads: int,
+    ) -> None:
+        """
+        Initialise the evaluation with the runs of a campaign.
+
+        Parameters
+        ----------
+        campaign
+            its runs are those of each candidate.
+        variables
+            searched parameters.
+        objectives
+            two metrics.
+        percentile
+            percentile of the metrics over the runs; 100 is the worst case.
+        threads
+            number of threads.
+
+        """
+        self._runs = list(campaign.runs(0, campaign.total))
+        self._variables, self._objectives = variables, objectives
+        self._percentile, self._threads = percentile, threads
+
+    def __call__(
+        self, candidates: Sequence[Sequence[float] | None]
+    ) -> list[tuple[float, float]]:
+        """Return the objectives of candidates; None for the values of the scenario."""
+        runs = [
+            run if values is None else with_values(run, self._variables, values)
+            for values in candidates
+            for run in self._runs
+        ]
+        batches = [runs[first:first + LANES] for first in range(0, len(runs), LANES)]
+        stop = Event()
+        with ThreadPoolExecutor(self._threads) as pool:
+            try:
+                parts = pool.map(lambda batch: evaluated(batch, LANES, stop.is_set), batches)
+                results = [result for part in parts for result in part]
+            finally:
+                stop.set()
+        rows = np.array([[self._value(c, r) for c in self._objectives] for r in results])
+        by_candidate = rows.reshape(len(candidates), len(self._runs), 2)
+        reached = np.percentile(by_candidate, self._percentile, axis=1, method='higher')
+        return [(float(first), float(second)) for first, second in reached]
+
+    @staticmethod
+    def _value(column: Column, result: Any) -> float:
+        value = None if isinstance(result, float) else column.value(result)
+        return math.inf if value is None else value
+
+
+def tuned(
+    evaluate: Evaluation,
+    ranges: Sequence[Range],
+    *,
+    evaluations: int,
+    seed: int,
+    advance: Callable[[int], object] = lambda _: None,
+) -> Tuning:
+    """Search; `advance` is called with the number of candidates that are evaluated."""
+    import optuna
+
+    optuna.logging.set_verbosity(optuna.logging.ERROR)
+    sampler = optuna.samplers.NSGAIISampler(population_size=POPULATION, seed=seed)
+    study = optuna.create_study(directions=['minimize', 'minimize'], sampler=sampler)
+    spaces: dict[str, Any] = {
+        entry.name: optuna.distributions.FloatDistribution(entry.low, entry.high, log=entry.is_log)
+        for entry in ranges
+    }
+    candidates: list[Candidate] = []
+    while len(candidates) < evaluations:
+        count = min(POPULATION, evaluations - len(candidates))
+        trials = [study.ask(spaces) for _ in range(count)]
+        asked = [[trial.params[entry.name] for entry in ranges] for trial in trials]
+        for trial, objectives in zip(trials, evaluate(asked), strict=True):
+            study.tell(trial, [min(value, _LOST) for value in objectives])
+            candidates.append(Candidate(dict(trial.params), objectives))
+        advance(count)
+    start = Candidate({}, evaluate([None])[0])
+    front = pareto_front(candidates)
+    return Tuning(start, candidates, front, _chosen(front, start))
+
+
+def pareto_front(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Return the candidates that no other one surpasses, by the first objective."""
+    front: list[Candidate] = []
+    for candidate in sorted(candidates, key=lambda entry: entry.objectives):
+        is_better = not front or candidate.objectives[1] < front[-1].objectives[1]
+        if all(map(math.isfinite, candidate.objectives)) and is_better:
+            front.append(candidate)
+    return front
+
+
+def _chosen(front: Sequence[Candidate], start: Candidate) -> Candidate:
+    if not front:
+        raise InputError(
+            'every candidate has runs that diverged; expected other ranges, or fewer conditions'
+        )
+    allowed = [entry for entry in front if entry.objectives[1] <= start.objectives[1]]
+    if allowed and math.isfinite(start.objectives[1]):
+        return allowed[0]
+    objectives: Array = np.log(np.maximum([entry.objectives for entry in front], 1e-12))
+    ideal, spread = objectives.min(axis=0), np.ptp(objectives, axis=0)
+    distances = np.linalg.norm((objectives - ideal) / np.where(spread > 0.0, spread, 1.0), axis=1)
+    return front[int(np.argmin(distances))]

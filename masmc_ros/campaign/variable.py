@@ -1,0 +1,100 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Parameter of a scenario that differs between the runs of a campaign."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+import re
+from typing import Any
+
+from masmc_ros.errors import InputError
+from masmc_ros.params.declaration import Parameter, Value
+from masmc_ros.params.scenario import readers
+from masmc_ros.params.text import yaml_text
+from masmc_ros.robot.declaration import Mechanism
+import numpy as np
+from numpy.typing import NDArray
+
+_ENTRY = re.compile(r'(.+)\[([0-9]+)\]')
+
+_TYPES: dict[str, Any] = {'bool': np.bool_, 'integer': np.int64, 'string': np.str_}
+"""Types of columns by kind; the others are doubles."""
+
+Scenario = dict[str, dict[str, Any]]
+"""Checked values by node and name."""
+
+
+@dataclass(frozen=True)
+class Variable:
+    """
+    Parameter, or an entry of an array.
+
+    Attributes
+    ----------
+    name
+        NODE.parameter or a shared parameter, as of `--set`; with [INDEX] an entry of an array.
+    readers
+        Declaration of the parameter, by each node that reads it.
+    index
+        Index of the entry; None for the parameter.
+
+    """
+
+    name: str
+    readers: Mapping[str, Parameter]
+    index: int | None = None
+
+    @classmethod
+    def named(cls, name: str, mechanism: Mechanism, place: str) -> Variable:
+        """Return the variable of a name; InputError, starting with `place`, without such one."""
+        entry = _ENTRY.fullmatch(name)
+        variable = cls(
+            name,
+            readers(entry[1] if entry else name, mechanism, place),
+            int(entry[2]) if entry else None,
+        )
+        parameter = variable.parameter
+        if parameter.kind == 'strings' or (parameter.kind == 'string' and not parameter.choices):
+            raise InputError(
+                f'{place}: {parameter.name} is a text; expected a number, or a choice of several'
+            )
+        if parameter.name.startswith('robot.') and parameter.kind == 'string':
+            raise InputError(f'{place}: expected the same type of robot in all runs')
+        if variable.index is not None and variable.index >= (parameter.length or 0):
+            expected = f'an index < {parameter.length}' if parameter.length else 'no index'
+            raise InputError(f'{place}: {name}: expected {expected}')
+        return variable
+
+    @property
+    def parameter(self) -> Parameter:
+        """Return the declaration, which is the same for all nodes."""
+        return next(iter(self.readers.values()))
+
+    def write(self, scenario: Scenario, value: Any) -> None:
+        """Write a value into a scenario; InputError if a node would reject it."""
+        for node, parameter in self.readers.items():
+            if node in scenario:
+                scenario[node][parameter.name] = self.checked(scenario[node], parameter, value)
+
+    def checked(self, values: Mapping[str, Any], parameter: Parameter, value: Any) -> Value:
+        """Return the checked value of the parameter; `values` has the other entries."""
+        if parameter.kind == 'integer' and isinstance(value, float) and value.is_integer():
+            value = int(value)
+        if self.index is not None:
+            entries = list(values[parameter.name])
+            entries[self.index] = value
+            value = entries
+        return parameter.check(value, integers_for_doubles=True)
+
+    def column(self, values: Sequence[Any]) -> NDArray[Any]:
+        """Return values of several runs as an array of the type of the parameter."""
+        return np.array(values, _TYPES.get(self.parameter.kind, np.float64))
+
+    def setting(self, scenario: Scenario) -> str:
+        """Return the option `--set` that gives the parameter its value in a scenario."""
+        node, parameter = next(iter(self.readers.items()))
+        whole = self.name.partition('[')[0]
+        return f'{whole}={yaml_text(scenario[node][parameter.name])}'

@@ -1,0 +1,102 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Arguments and results that the commands of campaigns share."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from masmc_ros.campaign.campaign import Campaign
+from masmc_ros.campaign.dataset import arrays
+from masmc_ros.campaign.engine import carry_out
+from masmc_ros.campaign.summary import label, metric_named, text, values_by_point
+from masmc_ros.cli.arguments import add_file, add_output, add_settings
+from masmc_ros.report.aligned import WIDTH
+from masmc_ros.report.draw.campaign import draws_figure, map_figure, MapAxis
+from masmc_ros.report.draw.style import paper_style, png
+from masmc_ros.report.files import write_file
+from tqdm import tqdm
+
+RUNS = 'runs'
+"""Folder of the dataset within the output folder."""
+
+
+def add_campaign(parser: argparse.ArgumentParser, folder: str) -> None:
+    """Add the arguments that all campaigns have; `folder` is the default output."""
+    add_file(parser)
+    add_settings(parser)
+    parser.add_argument(
+        '--seed', type=whole, default=0, metavar='N', help='seed of the draws (%(default)s)'
+    )
+    parser.add_argument(
+        '--metric', default='', metavar='NAME', help='metric of figures and correlations, a '
+        'column of the dataset (RMS error of the first point)',
+    )  # fmt: skip
+    add_output(parser, folder)
+    parser.add_argument(
+        '--threads', type=count, default=0, metavar='N', help='number of threads (one for each '
+        'processor)',
+    )  # fmt: skip
+    parser.add_argument(
+        '--scheduler', default='', metavar='ADDRESS',
+        help='address of a Dask scheduler whose workers compute, such as tcp://host:8786',
+    )  # fmt: skip
+
+
+def add_draws(parser: argparse.ArgumentParser, *, is_required: bool) -> None:
+    """Add `--draw` and `--sobol`."""
+    parser.add_argument(
+        '--draw', action='append', default=[], required=is_required, metavar='NAME=DIST:...',
+        help='random values of a parameter: uniform:LOW:HIGH, loguniform:LOW:HIGH, '
+        'normal:MEAN:STD, truncnormal:MEAN:STD:LOW:HIGH or integers:LOW:HIGH; NAME as in --set, '
+        'with [INDEX] an entry of an array; repeatable',
+    )  # fmt: skip
+    parser.add_argument(
+        '--sobol', action='store_true', help='draw points of a Sobol sequence'
+    )
+
+
+def count(text: str) -> int:
+    """Return a whole number, at least 1."""
+    number = whole(text)
+    if number < 1:
+        raise argparse.ArgumentTypeError(f"'{text}': expected a whole number >= 1")
+    return number
+
+
+def whole(text: str) -> int:
+    """Return a whole number, at least 0."""
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"'{text}': expected a whole number >= 0")
+    return int(text)
+
+
+def carry_out_and_print(campaign: Campaign, options: argparse.Namespace) -> int:
+    """Compute a campaign, write its dataset, summary and figures, and print the summary."""
+    metric = metric_named(campaign, options.metric)
+    folder = Path(options.output)
+    progress = tqdm(total=campaign.total, unit='run', disable=None)
+    with progress:
+        dataset = carry_out(
+            campaign, folder / RUNS, threads=options.threads, scheduler=options.scheduler,
+            advance=progress.update,
+        )  # fmt: skip
+    columns = arrays(dataset.table())
+    values = columns[metric.name]
+    contents = {'campaign.txt': text(campaign, columns, metric).encode()}
+    with paper_style():
+        if campaign.axes:
+            axes = [MapAxis(*axis) for axis in campaign.axes]
+            medians = values_by_point(campaign, values) * metric.factor
+            contents['map.png'] = png(map_figure(axes, medians, label(metric)))
+        if campaign.draws:
+            drawn = {draw.name: columns[draw.name] for draw in campaign.draws}
+            figure = draws_figure(drawn, values * metric.factor, columns['lost'], label(metric))
+            contents['draws.png'] = png(figure)
+    for name, content in contents.items():
+        write_file(folder / name, content)
+    print(text(campaign, columns, metric, WIDTH))
+    print(f'dataset and report: {folder}/ ({", ".join([f"{RUNS}/", *contents])})')
+    return 0

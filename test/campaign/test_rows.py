@@ -1,0 +1,183 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Rows of campaigns: equal to single runs, to any batching, and after an interruption."""
+
+from __future__ import annotations
+
+from itertools import islice
+import json
+import os
+from pathlib import Path
+import shlex
+import signal
+import subprocess
+import sys
+
+from helpers.campaigns import assert_equal, campaign_with, DRAWS, PAPER, SETTINGS
+from masmc_ros.campaign.axes import axis
+from masmc_ros.campaign.campaign import Campaign, campaign_of
+from masmc_ros.campaign.dataset import arrays, Dataset
+from masmc_ros.campaign.engine import carry_out
+from masmc_ros.campaign.part import metric_columns, rows
+from masmc_ros.campaign.threads import computed
+from masmc_ros.cli.main import main
+from masmc_ros.errors import InputError
+from masmc_ros.loop.batch_simulation import BatchSimulation
+from masmc_ros.loop.simulation import Simulation
+from masmc_ros.params.scenario import load_scenario
+from masmc_ros.report.measure.metrics import Metrics, Samples
+import numpy as np
+from pyarrow import parquet
+import pytest
+
+pytestmark = pytest.mark.slow
+
+def metrics_of(settings: list[str]) -> tuple[Metrics, Simulation]:
+    """Return the metrics of a single run as `masmc simulate` computes them."""
+    simulation = Simulation(load_scenario(PAPER, settings))
+    (block,) = simulation.run()
+    samples = Samples.of_ticks(
+        block.error, block.torque, simulation.timing.period,
+        simulation.controller.mechanism.points, estimate=block.estimate[-1:],
+    )  # fmt: skip
+    return samples.metrics(), simulation
+
+
+def test_rows_equal_metrics_of_repeated_commands() -> None:
+    campaign = campaign_with()
+    result = rows(campaign, 0, 20)
+    for run in campaign.runs(0, 20):
+        settings = shlex.split(campaign.command(run))[4::2]
+        metrics, _ = metrics_of(settings)
+        for column in metric_columns(campaign.mechanism):
+            assert result[column.name][run.number] == column.value(metrics), column.name
+
+
+@pytest.mark.parametrize(
+    'settings',
+    [
+        (),
+        ('controller.k_s2=2.0',),
+        ('controller.torque_limit=[3.0, 3.0, 8.0, 4.0]',),
+        ('controller.velocity_source=estimated', 'controller.observer_gain=0.7'),
+        ('controller.k_s1=1e5', 'control_period=0.02', 'duration=2.0'),
+    ],
+)
+def test_reduced_runs_end_in_states_of_recorded_runs(settings: tuple[str, ...]) -> None:
+    """Also if the shortcut of the implicit term does not apply to most ticks, or runs diverge."""
+    scenarios = [run.scenario for run in campaign_with(70, *settings).runs(0, 16)]
+    recorded, reduced = BatchSimulation(scenarios), BatchSimulation(scenarios)
+    for _ in recorded.run(block=7):
+        pass
+    reduced.reduce(100, 200, np.array([0.02, 1e-3]), block=60)
+    for name in ('_state', '_learned', '_now'):
+        one, other = getattr(recorded, name)[0], getattr(reduced, name)[0]
+        for field in one.dtype.names:
+            np.testing.assert_array_equal(one[field], other[field], err_msg=field)
+
+
+def test_rows_are_equal_for_all_batches_and_threads() -> None:
+    campaign = campaign_with()
+    whole = rows(campaign, 0, 70)
+    for size in (1, 3, 16, 33):
+        parts = [(first, min(size, 70 - first)) for first in range(0, 70, size)]
+        if size == 1:
+            parts = parts[:5]
+        for threads in (1, 3):
+            for part in computed(campaign, parts, threads):
+                first = int(part['run'][0])
+                rest = {name: values[first:first + len(part['run'])]
+                        for name, values in whole.items()}  # fmt: skip
+                assert_equal(part, rest)
+
+
+def test_different_laws_and_periods_are_computed_in_one_part() -> None:
+    campaign = campaign_of(
+        PAPER, SETTINGS,
+        axes=[axis('controller.law=rasmc,smc'), axis('control_period=0.001,0.002')],
+        repeats=16,
+    )  # fmt: skip
+    result = rows(campaign, 0, 64)
+    assert result['controller.law'].tolist() == ['rasmc'] * 32 + ['smc'] * 32
+    assert len(set(result['end_effector_rms'])) == 64
+    for number in (0, 17, 33, 63):
+        run = next(campaign.runs(number, 1))
+        metrics, _ = metrics_of(shlex.split(campaign.command(run))[4::2])
+        assert metrics.of('end_effector').rms == result['end_effector_rms'][number]
+
+
+def test_lost_runs_have_time_of_divergence_and_no_metrics() -> None:
+    campaign = campaign_with(64, 'control_period=0.02', 'duration=4.0', 'controller.sigma=60.0')
+    result = rows(campaign, 0, 64)
+    assert result['lost'].sum() > 0
+    for number in np.flatnonzero(result['lost'])[:3].tolist():
+        command = campaign.command(next(campaign.runs(number, 1)))
+        with pytest.raises(InputError, match=f'diverged at t = {result["lost_at"][number]:g} s'):
+            metrics_of(shlex.split(command)[4::2])
+    for column in metric_columns(campaign.mechanism):
+        np.testing.assert_array_equal(np.isnan(result[column.name]), result['lost'])
+    np.testing.assert_array_equal(np.isnan(result['lost_at']), ~result['lost'])
+
+
+def test_dataset_continues_with_missing_runs(tmp_path: Path) -> None:
+    campaign = campaign_with(sobol=True)
+    for part in islice(computed(campaign, [(0, 10), (50, 7), (30, 5)], 1), 3):
+        Dataset(tmp_path, campaign).write(part)
+    # The remains of a write that was killed.
+    (tmp_path / 'part-0000000010-20.parquet.part').write_bytes(b'PAR1')
+    known = {path.name: path.stat().st_mtime_ns for path in tmp_path.glob('*.parquet')}
+    advanced: list[int] = []
+    dataset = carry_out(campaign, tmp_path, threads=2, advance=advanced.append)
+    assert (advanced[0], sum(advanced)) == (22, 70)
+    assert {n: (tmp_path / n).stat().st_mtime_ns for n in known} == known
+    assert_equal(arrays(dataset.table()), rows(campaign, 0, 70))
+    carry_out(campaign, tmp_path, advance=advanced.append)
+    assert advanced[-1] == 70
+    assert len(list(tmp_path.iterdir())) == len(list(tmp_path.glob('part-*.parquet')))
+    metadata = parquet.read_schema(next(tmp_path.glob('*.parquet'))).metadata
+    assert Campaign.from_text(metadata[b'masmc_ros.campaign'].decode()).key == campaign.key
+    with pytest.raises(InputError, match='runs of another campaign'):
+        carry_out(campaign_with(71, sobol=True), tmp_path)
+
+
+def test_monte_carlo_continues_after_sigkill(tmp_path: Path) -> None:
+    folder, runs = tmp_path / 'out', 640
+    options = ['monte-carlo', PAPER, '--runs', str(runs), '--output', str(folder)]
+    options += [word for text in DRAWS for word in ('--draw', text)]
+    options += [word for text in SETTINGS for word in ('--set', text)]
+    environment = {**os.environ, 'PYTHONUNBUFFERED': '1'}
+    process = subprocess.Popen([sys.executable, '-m', 'masmc_ros.cli.main', *options],
+                               env=environment, stdout=subprocess.DEVNULL)  # fmt: skip
+    while process.poll() is None and not list(folder.glob('runs/part-*.parquet')):
+        pass
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    assert main(options) == 0
+    campaign = campaign_with(runs)
+    table = Dataset(folder / 'runs', campaign).table()
+    assert table['run'].to_pylist() == list(range(runs))
+    assert_equal({n: v[600:] for n, v in arrays(table).items()}, rows(campaign, 600, 40))
+
+
+def test_commands_print_percentiles_best_point_and_lost_runs(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / 'out'
+    options = ['sweep', PAPER, '--vary', 'controller.k_s1=50:3000:4:log', '--vary',
+               'controller.sigma=2,60', '--runs', '8', '--output', str(folder)]  # fmt: skip
+    settings = [*SETTINGS, 'control_period=0.02', 'duration=4.0']
+    assert main([*options, *(word for text in settings for word in ('--set', text))]) == 0
+    printed = capsys.readouterr().out
+    columns = arrays(parquet.read_table(folder / 'runs'))
+    lost = int(columns['lost'].sum())
+    assert f'64 runs, {lost} of them diverged' in printed
+    assert lost > 0
+    first = int(np.argmax(columns['lost']))
+    assert f'run {first}, t = {columns["lost_at"][first]:g} s: masmc simulate' in printed
+    assert 'smallest E RMS (mm): ' in printed
+    assert (folder / 'map.png').read_bytes()[1:4] == b'PNG'
+    text = (folder / 'campaign.txt').read_text(encoding='utf-8')
+    assert text.splitlines()[0] in printed
+    description = parquet.read_schema(next((folder / 'runs').iterdir())).metadata
+    assert json.loads(description[b'masmc_ros.campaign'])['repeats'] == 8

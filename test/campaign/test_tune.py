@@ -1,0 +1,114 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Search of gains: front, chosen candidate, written file and bad input."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+from helpers.campaigns import PAPER
+from hypothesis import given
+from hypothesis import strategies as st
+from masmc_ros.campaign.campaign import campaign_of
+from masmc_ros.campaign.part import rows
+from masmc_ros.campaign.tune import Candidate, pareto_front, searched, variables_of
+from masmc_ros.campaign.tuned_file import tuned_file
+from masmc_ros.cli.main import main
+from masmc_ros.params.scenario import load_scenario
+import numpy as np
+import pytest
+
+ROBUST = str(Path(PAPER).with_name('robust.yaml'))
+
+OBJECTIVE = st.one_of(st.floats(0.0, 10.0), st.just(float('inf')))
+
+
+@given(st.lists(st.tuples(OBJECTIVE, OBJECTIVE), max_size=30))
+def test_front_has_exactly_candidates_that_no_other_one_surpasses(
+    objectives: list[tuple[float, float]],
+) -> None:
+    front = [entry.objectives for entry in pareto_front([Candidate({}, o) for o in objectives])]
+    finite = {o for o in objectives if np.isfinite(o).all()}
+    best = {
+        (a, b)
+        for a, b in finite
+        if not any(c <= a and d <= b and (c, d) != (a, b) for c, d in finite)
+    }
+    assert front == sorted(best)
+
+
+@pytest.mark.parametrize('settings', [(), ('duration=3.0', 'plant.robot.link_2_mass=2.0')])
+def test_file_has_settings_and_tuned_values(settings: tuple[str, ...], tmp_path: Path) -> None:
+    values = {
+        'controller.k_s1': 33.5,
+        'controller.projection.lower': 0.25,
+        'controller.sigma': 1e-5,
+    }
+    campaign = campaign_of(ROBUST, settings)
+    variables = variables_of(
+        campaign, [searched(f'{name}=0.00001:0.9') for name in values]
+    )
+    path = tmp_path / 'tuned.yaml'
+    path.write_text(tuned_file(ROBUST, settings, variables, values), encoding='utf-8')
+    expected = load_scenario(ROBUST, [*settings, *(f'{n}={v!r}' for n, v in values.items())])
+    assert load_scenario(str(path)) == expected
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'line'),
+    [
+        (['--tune', 'controller.k_s1'], 'expected NAME=LOW:HIGH'),
+        (['--tune', 'controller.k_s1=1:2:3'], 'expected NAME=LOW:HIGH'),
+        (['--tune', 'controller.k_s1=2:1'], 'empty range; expected LOW < HIGH'),
+        (['--tune', 'controller.k_s1=0:1:log'], 'empty range; expected 0 < LOW < HIGH'),
+        (['--tune', 'controller.k_s1=-1:1'], 'k_s1 = -1.0: expected'),
+        (['--tune', 'controller.k_s9=1:2'], "controller has no parameter 'k_s9'"),
+        (['--tune', 'controller.law=1:2'], 'expected a parameter whose values are numbers'),
+        (['--tune', 'controller.k_s1=1:2', '--tune', 'controller.k_s1=1:3'], 'appears twice'),
+        (['--tune', 'controller.k_s1=1:2', '--objective', 'lost', '--objective', 'torque_rms'],
+         "--objective: 'lost' is unknown"),
+        (['--tune', 'controller.k_s1=1:2', '--objective', 'torque_rms'], '1 given; expected two'),
+        (['--tune', 'controller.k_s1=1:2', '--percentile', '101'],
+         "invalid percentile value: '101'"),
+    ],
+)  # fmt: skip
+def test_bad_input_prints_one_line_and_writes_nothing(
+    arguments: list[str], line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(['tune', PAPER, *arguments, '--output', str(tmp_path / 'out')]) == 2
+    error_text = capsys.readouterr().err
+    assert line in error_text
+    assert error_text.count('\n') == 1
+    assert not (tmp_path / 'out').exists()
+
+
+@pytest.mark.slow
+def test_tuned_gains_surpass_those_of_the_robust_configuration(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The error is smaller at no more variation, in the worst of four robots; repeatably."""
+    options = ['--set', 'duration=6.0', '--draw', 'plant.robot.link_2_mass=uniform:0.6:1.4']
+    search = ['--tune', 'controller.k_s1=20:500:log', '--tune', 'controller.k_s2=5:300:log',
+              '--tune', 'controller.sigma=0.5:20:log', '--evaluations', '48']  # fmt: skip
+    texts = []
+    for folder in ('one', 'other'):
+        command = ['tune', ROBUST, *options, *search, '--runs', '4']
+        assert main([*command, '--output', str(tmp_path / folder)]) == 0
+        texts.append((tmp_path / folder / 'tuned.yaml').read_text(encoding='utf-8'))
+    assert texts[0] == texts[1]
+    assert '48 candidates' in capsys.readouterr().out
+    worst = []
+    for file in (ROBUST, str(tmp_path / 'one' / 'tuned.yaml')):
+        masses = (f'plant.robot.link_2_mass={mass}' for mass in ('0.7', '1.0', '1.3'))
+        runs = [campaign_of(file, ['duration=6.0', mass]) for mass in masses]
+        reached = [rows(campaign, 0, 1) for campaign in runs]
+        worst.append([max(float(r[n][0]) for r in reached)
+                      for n in ('end_effector_rms', 'torque_variation')])  # fmt: skip
+    assert worst[1][0] < 0.5 * worst[0][0]
+    assert worst[1][1] < 1.01 * worst[0][1]
+    with (tmp_path / 'one' / 'front.csv').open(encoding='utf-8', newline='') as stream:
+        table = list(csv.reader(stream))
+    assert table[0][:2] == ['end_effector_rms (m)', 'torque_variation (N·m/s)']
+    assert len(table) >= 2
