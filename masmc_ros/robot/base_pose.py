@@ -40,7 +40,7 @@ def _reckon(body: Any, turned: Any, pose: Any) -> None:
     pose[0], pose[1], pose[2] = mechanism.dead_reckoned(model, (pose[0], pose[1], pose[2]), angles)
 
 
-class Wheels:
+class DeadReckoning:
     """Motion of the base by its wheels' encoders over the last tenths of a second."""
 
     def __init__(self, robot: Robot) -> None:
@@ -111,11 +111,11 @@ class BasePose:
 
     """
 
-    def __init__(self, wheels: Wheels | None = None) -> None:
-        """Initialise without a pose; `wheels` for their motion."""
+    def __init__(self, reckoning: DeadReckoning | None = None) -> None:
+        """Initialise without a pose; `reckoning` for the motion by wheels."""
         self.stamp_ns: int | None = None
         self.has_jumped = False
-        self._wheels = wheels
+        self._reckoning = reckoning
         self._pose: Pose = (0.0, 0.0, 0.0)
         self._twist: Pose = (0.0, 0.0, 0.0)
         self._correction: Pose | None = None
@@ -178,7 +178,7 @@ class BasePose:
 
     def _extrapolated(self, stamp_ns: int) -> Pose:
         start = self.stamp_ns or 0
-        motion = None if self._wheels is None else self._wheels.motion(start, stamp_ns)
+        motion = None if self._reckoning is None else self._reckoning.motion(start, stamp_ns)
         if motion is None:
             motion = _arc(self._twist, (stamp_ns - start) * 1e-9)
         return _composed(self._pose, motion)

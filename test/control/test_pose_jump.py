@@ -14,7 +14,7 @@ from masmc_ros.loop.simulated_robot import plant_of
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.reference.approach import Approach
 from masmc_ros.reference.trajectory import Trajectory
-from masmc_ros.robot.base_pose import BasePose, Wheels
+from masmc_ros.robot.base_pose import BasePose, DeadReckoning
 from masmc_ros.robot.robot import robot_of
 import numpy as np
 from numpy.typing import NDArray
@@ -54,7 +54,7 @@ def run(*, ticks: int = 7000, jump: float = 0.0, approaches: bool = True) -> Res
     controller = Controller(robot_of(control), 0.001, control)
     robot = controller.robot
     samples = Trajectory(values['trajectory'], 0.001, robot).sample(0, ticks)
-    wheels, approach = Wheels(robot), Approach(robot, control['approach_speed'])
+    wheels, approach = DeadReckoning(robot), Approach(robot, control['approach_speed'])
     base, past = BasePose(wheels), []
     base.correct(transform(0.0))
     result = Result(np.empty((ticks, 4)), np.empty((ticks, 4)), np.empty((ticks, 7)))

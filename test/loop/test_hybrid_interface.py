@@ -10,7 +10,7 @@ from pathlib import Path
 from helpers.small_tree import parameters, START
 from masmc_ros.errors import InputError
 from masmc_ros.law.command_interface import by_velocity
-from masmc_ros.law.parts.moving_base import arm_rates
+from masmc_ros.law.parts.moving_base import rates_by_torque
 from masmc_ros.loop.controller_events import DEACTIVATED
 from masmc_ros.loop.simulated_robot import plant_of
 from masmc_ros.loop.simulation import Simulation
@@ -88,7 +88,7 @@ def test_arm_rates_produce_missing_task_velocity_within_damping() -> None:
     position = 0.1, -0.2, 0.4, 0.0, 0.0, 0.7, -1.2
     posture = mechanism.posture(model, position)
     mask, missing = np.array([1, 1, 0, 0]), (0.05, -0.02, 0.0, 0.0)
-    rates = arm_rates(model, posture, mask, missing, (0.0,) * 4)
+    rates = rates_by_torque(model, posture, mask, missing, (0.0,) * 4)
     motion = mechanism.motion(model, mechanism.commanded_joint_rates(model, rates))
     reached = mechanism.task_velocity(model, posture, motion)
     np.testing.assert_allclose(reached, missing, atol=5e-5)

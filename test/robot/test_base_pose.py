@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.messages.transforms import transforms_of, TransformsCdr
 from masmc_ros.params.scenario import load_scenario
-from masmc_ros.robot.base_pose import BasePose, Wheels
+from masmc_ros.robot.base_pose import BasePose, DeadReckoning
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.robot.two_link.platform_motion import base_motion
 import numpy as np
@@ -35,7 +35,7 @@ def errors_of_late_odometry(*, by_wheels: bool) -> float:
     values = load_scenario(PAPER, ('plant.disturbance.amplitude=[0.5, -0.5, 0.0, 0.0]',))['plant']
     robot = robot_of(values)
     plant = SimulatedRobot(robot, 0.001, values)
-    wheels = Wheels(robot) if by_wheels else None
+    wheels = DeadReckoning(robot) if by_wheels else None
     base, largest = BasePose(wheels), 0.0
     past = [(0, plant.position.copy(), plant.velocity.copy())]
     for k in range(1, 1500):

@@ -70,7 +70,9 @@ def _motion(model: Any, command: Numbers) -> Numbers:
 
 
 @kernel
-def arm_rates(model: Any, posture: Any, mask: Any, missing: Numbers, template: Numbers) -> Numbers:
+def rates_by_torque(
+    model: Any, posture: Any, mask: Any, missing: Numbers, template: Numbers
+) -> Numbers:
     """
     Return rates of the arm with J_a a = missing, by damped least squares; those of the base are 0.
 
@@ -146,8 +148,8 @@ def _carried(
     late_change = elementwise(_only, mask, elementwise(minus, change, acceleration))
     missing = mechanism.task_velocity(model, posture, _motion(model, late))
     missing_change = mechanism.task_velocity(model, posture, _motion(model, late_change))
-    more = arm_rates(model, posture, mask, missing, rates)
-    more_change = arm_rates(model, posture, mask, missing_change, rates)
+    more = rates_by_torque(model, posture, mask, missing, rates)
+    more_change = rates_by_torque(model, posture, mask, missing_change, rates)
     followed = elementwise(selected, mask, rates, elementwise(plus, wanted, more))
     change = elementwise(selected, mask, acceleration, elementwise(plus, change, more_change))
     damped = elementwise(_damped, change, rates, followed, damping)
@@ -167,7 +169,7 @@ def _not_carried(
 
 
 @formula
-def _surface_of_arm(
+def _surface_by_torque(
     settings: Settings, posture: Any, v: Numbers, v_r: Numbers, s: Numbers
 ) -> Numbers:
     model = mechanism.model_of(settings)
@@ -183,7 +185,7 @@ def _surface_of_all(
 
 
 @formula
-def _torque_of_arm(settings: Settings, memory: Memory, command: Numbers, raw: Numbers) -> Any:
+def _torque_of_others(settings: Settings, memory: Memory, command: Numbers, raw: Numbers) -> Any:
     memory.velocity_command = command
     mask = settings.by_velocity
     return elementwise(selected, mask, elementwise(zero, raw), raw)
@@ -195,12 +197,12 @@ def _torque_of_all(settings: Settings, memory: Memory, command: Numbers, raw: Nu
 
 
 @formula
-def _drift_of_arm(settings: Settings, memory: Memory, posture: Any) -> None:
+def _drift_by_torque(settings: Settings, memory: Memory, posture: Any) -> None:
     model, mask = mechanism.model_of(settings), settings.by_velocity
     drift = mechanism.rate_command(model, memory.drift)
     drift = elementwise(selected, mask, elementwise(zero, drift), drift)
     seen = mechanism.task_velocity(model, posture, _motion(model, drift))
-    drift = elementwise(minus, drift, arm_rates(model, posture, mask, seen, drift))
+    drift = elementwise(minus, drift, rates_by_torque(model, posture, mask, seen, drift))
     memory.drift = _motion(model, drift)
 
 
@@ -229,9 +231,9 @@ _FORMULAS = {
     ),
     BY_VELOCITY: SimpleNamespace(
         carried=_carried,
-        surface=_surface_of_arm,
-        commanded_torque=_torque_of_arm,
-        restrict_drift=_drift_of_arm,
+        surface=_surface_by_torque,
+        commanded_torque=_torque_of_others,
+        restrict_drift=_drift_by_torque,
         moves_by_velocity=_yes,
     ),
 }

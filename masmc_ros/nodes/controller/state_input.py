@@ -21,7 +21,7 @@ from masmc_ros.nodes.middleware.past import subscribe_with_past
 from masmc_ros.nodes.middleware.raw_types import raw_class
 from masmc_ros.nodes.process.rejected_messages import RejectedMessages
 from masmc_ros.numerics.aliases import Array
-from masmc_ros.robot.base_pose import BasePose, OLDEST_POSE_NS, Wheels
+from masmc_ros.robot.base_pose import BasePose, DeadReckoning, OLDEST_POSE_NS
 from masmc_ros.robot.joint_names import driven_joint_names, joint_names
 from masmc_ros.robot.robot import Robot
 from nav_msgs.msg import Odometry
@@ -75,7 +75,7 @@ class StateInput:
         self._rejected_messages = rejected_messages
         self._on_state, self._on_jump = on_state, on_jump
         self._base: BasePose | None = None
-        self._wheels: Wheels | None = None
+        self._reckoning: DeadReckoning | None = None
         self._joints, self._moves_freely = names, False
         self._is_waiting = False
         self._missing_pose: str | None = None
@@ -91,11 +91,11 @@ class StateInput:
             if self._moves_freely:
                 self._joints = self._joints[len(kind.twist):]
             else:
-                self._wheels = Wheels(robot)
+                self._reckoning = DeadReckoning(robot)
                 # The first motion compiles the kernel, or loads it.
                 for stamp in range(2):
-                    self._wheels.add(stamp, self._state.position)
-            self._base = BasePose(self._wheels)
+                    self._reckoning.add(stamp, self._state.position)
+            self._base = BasePose(self._reckoning)
             subscribe_with_past(node, Odometry, _ODOM, self._take_odometry)
             if self._frame:
                 message_type = raw_class(TRANSFORMS.type_name)
@@ -125,8 +125,8 @@ class StateInput:
                 self._rejected_messages.add(_STATES, error)
                 return
         if self._base is not None:
-            if self._wheels is not None:
-                self._wheels.add(stamp, state.position)
+            if self._reckoning is not None:
+                self._reckoning.add(stamp, state.position)
             self._add_pose(self._base, stamp)
         else:
             self._on_state(stamp, state.position, state.velocity)
