@@ -30,6 +30,7 @@ ORDER = (
     'log',
     *PARAMETERS_OF_NODES,
     'report',
+    'identification',
     'compare',
     'nodes',
     'cli',
