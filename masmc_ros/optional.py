@@ -15,6 +15,7 @@ from importlib import import_module
 from masmc_ros.errors import UserError
 
 PACKAGES = {
+    'clarabel': 'clarabel',
     'foxglove': 'foxglove-sdk',
     'lz4': 'lz4',
     'mcap': 'mcap',
@@ -23,6 +24,7 @@ PACKAGES = {
     'plotly': 'plotly',
     'pyarrow': 'pyarrow',
     'rosbags': 'rosbags',
+    'scipy': 'scipy',
     'zstandard': 'zstandard',
 }
 """Names of the modules for pip."""
