@@ -72,6 +72,7 @@ setup(
             f'ros-jazzy-rclpy[fastrtps]; {WHEELS}',
             f'ros-jazzy-common-interfaces; {WHEELS}',
         ],
+        'identify': ['clarabel>=0.11', 'scipy'],
         'live': ['foxglove-sdk'],
         'mujoco': ['mujoco-core>=4'],
         'parquet': ['pyarrow'],
@@ -79,6 +80,7 @@ setup(
         'cluster': ['distributed', 'pyarrow', 'scipy'],
         'tune': ['optuna', 'scipy'],
         'test': [
+            'clarabel>=0.11',
             'distributed',
             'foxglove-sdk',
             'hypothesis',

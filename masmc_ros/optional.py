@@ -15,6 +15,7 @@ from importlib import import_module
 from masmc_ros.errors import UserError
 
 PACKAGES = {
+    'clarabel': 'clarabel',
     'distributed': 'distributed',
     'foxglove': 'foxglove-sdk',
     'lz4': 'lz4',

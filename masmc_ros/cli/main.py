@@ -33,6 +33,8 @@ COMMANDS = {
     'recover': 'complete truncated or damaged logs',
     'param': 'read and set parameters of running nodes',
     'report': "write metrics, an interactive page and the paper's figures of logged runs",
+    'excite': 'write a motion that excites the parameters of a robot',
+    'identify': 'identify latency, friction and inertial parameters from a logged run',
     'view': 'show a logged run in Foxglove',
     'layout': 'write the layout for Foxglove with the plots of a robot',
     'export': 'write logged runs as tables or arrays',

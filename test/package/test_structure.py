@@ -31,6 +31,7 @@ ORDER = (
     'log',
     *PARAMETERS_OF_NODES,
     'report',
+    'identification',
     'compare',
     'campaign',
     'api',

@@ -27,7 +27,7 @@ CREEP = 0.02
 
 
 @formula
-def _sliding(rate: float) -> float:
+def sliding(rate: float) -> float:
     """Return the share of the Coulomb friction at a rate."""
     return rate / math.sqrt(rate * rate + CREEP * CREEP)
 
@@ -45,7 +45,7 @@ def add_friction(
     into_wheels(model, torques, False)
     for j in range(count):
         rate = torques[j]
-        torques[j] = theta[first + j] * rate + theta[first + count + j] * _sliding(rate)
+        torques[j] = theta[first + j] * rate + theta[first + count + j] * sliding(rate)
     into_base(model, torques, True)
     for k in range(count):
         forces[k] += sign * torques[k]
@@ -64,7 +64,7 @@ def write_friction_gradient(model: TreeModel, reference: Any, motion: Any, gradi
     into_wheels(model, along, False)
     for j in range(count):
         gradient[first + j] = rates[j] * along[j]
-        gradient[first + count + j] = _sliding(rates[j]) * along[j]
+        gradient[first + count + j] = sliding(rates[j]) * along[j]
 
 
 @kernel

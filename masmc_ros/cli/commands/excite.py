@@ -1,0 +1,69 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""`masmc excite`: a motion that excites the parameters of a robot."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from masmc_ros.cli.arguments import add_file, add_overwrite, add_settings
+from masmc_ros.errors import InputError
+from masmc_ros.params.scenario import load_scenario
+from masmc_ros.report.aligned import aligned
+from masmc_ros.report.files import check_absent
+from masmc_ros.robot.registry import mechanism_from
+from masmc_ros.share import scenario_file
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    parser.description = (
+        'Write a scenario in which all joints move so that masmc identify can determine their'
+        ' parameters, within the limits of position, speed and torque.'
+    )
+    add_file(parser)
+    add_settings(parser)
+    text = 'parameter file to write'
+    parser.add_argument('--output', metavar='FILE.yaml', required=True, help=text)
+    text = 'duration of the motion in s (%(default)s)'
+    parser.add_argument('--duration', type=float, default=30.0, help=text)
+    text = 'largest deviation of a joint from its start in rad or m (%(default)s)'
+    parser.add_argument('--amplitude', type=float, default=0.5, help=text)
+    parser.add_argument('--seed', type=int, default=0, help='seed of the search (%(default)s)')
+    add_overwrite(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write the motion, and print its largest deviations and speeds."""
+    output = Path(options.output)
+    if output.suffix not in ('.yaml', '.yml'):
+        raise InputError(f'--output {output}: expected a file *.yaml')
+    check_absent(output, overwrite=options.overwrite)
+    if not options.amplitude > 0.0:
+        raise InputError(f'--amplitude {options.amplitude:g}: expected a number > 0')
+    file = scenario_file(options.file)
+    scenario = load_scenario(file, options.set)
+    # Imported here: the compiler takes time.
+    from masmc_ros.identification.exciting_file import write_exciting
+
+    excitation = write_exciting(
+        output,
+        scenario,
+        options.file,
+        duration=options.duration,
+        amplitude=options.amplitude,
+        seed=options.seed,
+    )
+    rows = [['joint', 'largest deviation', 'largest speed']]
+    for i, joint in enumerate(mechanism_from(scenario['plant']).joints):
+        rows.append([
+            joint.name,
+            f'{excitation.deviation[i]:.3g} {joint.unit}',
+            f'{excitation.speed[i]:.3g} {joint.unit}/s',
+        ])
+    print('\n'.join(aligned(rows, {0}, rule=1)))
+    print(f'condition number of the base parameters: {excitation.condition:.4g}')
+    print(f'written: {output}; record a run of it, and pass the log to masmc identify')
+    return 0

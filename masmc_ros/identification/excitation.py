@@ -1,0 +1,266 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Motions that excite the parameters of a robot: Fourier series of the joints within limits.
+
+The series is periodic (Swevers, Ganseman, Tükel, De Schutter and Van Brussel 1997). Of many random
+ones within the limits of position, speed and torque, the one with the smallest condition number of
+the scaled base parameters is chosen and improved. Self-collisions are not checked.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from masmc_ros.errors import InputError
+from masmc_ros.identification.consistency import Scale, scaled
+from masmc_ros.identification.directions import base_parameters
+from masmc_ros.identification.identify import Nominal
+from masmc_ros.identification.regressor import instantaneous, record_of
+from masmc_ros.numerics.aliases import Array
+from masmc_ros.numerics.arrays import to_vector
+from masmc_ros.numerics.compiled import kernel
+from masmc_ros.numerics.lanes import lane_of
+from masmc_ros.numerics.scalars import minus
+from masmc_ros.numerics.tuples import elementwise, head
+from masmc_ros.robot import mechanism
+from masmc_ros.robot.robot import Robot
+import numpy as np
+
+PERIOD = 10.0
+"""Period of the series in s."""
+
+_HARMONICS = (1, 2, 3, 5, 8)
+"""Multiples of the fundamental frequency."""
+
+_RAMP = 2.0
+"""Time in s in which the motion starts and ends."""
+
+_FREE = 2.0
+"""Largest deviation in rad or m of a joint that moves the base."""
+
+_UNLIMITED = 2.0
+"""Largest speed in rad/s or m/s of a joint without a limit."""
+
+_SHARE = 0.8
+"""Part of the limits of speed and torque that the motion uses."""
+
+_CANDIDATES = 80
+"""Evaluated series, the second half of them variations of the best one."""
+
+_INSTANTS = 100
+"""States at which a series is evaluated."""
+
+_SHRINKINGS = 60
+"""Attempts to bring the torques of a series within their limits."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """
+    Limits of n joints.
+
+    Attributes
+    ----------
+    deviation
+        (n) largest deviation from the start in rad or m.
+    speed
+        (n) in rad/s or m/s.
+    torque
+        (n) in N·m or N; infinite without a limit.
+
+    """
+
+    deviation: Array
+    speed: Array
+    torque: Array
+
+
+@dataclass(frozen=True)
+class Series:
+    """
+    Fourier series of n joints about the start of the robot.
+
+    Attributes
+    ----------
+    start
+        (n) positions in rad or m.
+    sines, cosines
+        (n, harmonics) amplitudes.
+    duration
+        in s.
+
+    """
+
+    start: Array
+    sines: Array
+    cosines: Array
+    duration: float
+
+    def at(self, times: Array) -> tuple[Array, Array, Array]:
+        """Return positions, rates and accelerations (N, n) at times (N) in s."""
+        omega = 2.0 * np.pi / PERIOD * np.array(_HARMONICS)
+        s, c = np.sin(np.outer(times, omega)), np.cos(np.outer(times, omega))
+        position = s @ self.sines.T + c @ self.cosines.T
+        rate = (c * omega) @ self.sines.T - (s * omega) @ self.cosines.T
+        acceleration = -(s * omega**2) @ self.sines.T - (c * omega**2) @ self.cosines.T
+        # The motion starts and ends at rest at the start.
+        x = np.minimum(np.minimum(times, self.duration - times) / _RAMP, 1.0)
+        x, sign = np.maximum(x, 0.0), np.where(times > self.duration / 2.0, -1.0, 1.0)
+        ramp = (x**3 * (10.0 - 15.0 * x + 6.0 * x**2))[:, None]
+        slope = (sign * 30.0 * x**2 * (1.0 - x) ** 2 / _RAMP)[:, None]
+        bend = (60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / _RAMP**2)[:, None]
+        return (
+            self.start + ramp * position,
+            ramp * rate + slope * position,
+            ramp * acceleration + 2.0 * slope * rate + bend * position,
+        )
+
+    def times_factors(self, factors: Array | float) -> Series:
+        """Return the series with amplitudes multiplied by factors (n)."""
+        by = np.broadcast_to(factors, len(self.start))[:, None]
+        return Series(self.start, by * self.sines, by * self.cosines, self.duration)
+
+
+def limits_of(
+    robot: Robot, start: Array, torque: Array, amplitude: float
+) -> Limits:
+    """
+    Return the limits of a motion.
+
+    Parameters
+    ----------
+    robot
+        Robot.
+    start
+        (n) positions of the joints in rad or m.
+    torque
+        (n) largest torques in N·m or N; 0: no limit.
+    amplitude
+        Largest deviation of joints that do not move the base, in rad or m.
+
+    """
+    low, high = np.array(robot.mechanism.position_limits).T
+    outside = (start < low) | (start > high)
+    if outside.any():
+        joint = robot.mechanism.joints[int(np.argmax(outside))].name
+        raise InputError(f'{joint}: starts outside of its limits; expected a start within them')
+    room = 0.9 * np.minimum(high - start, start - low)
+    # Those of the base have no limits.
+    free = np.where(np.arange(len(start)) < len(robot.mechanism.twist), _FREE, amplitude)
+    deviation = np.minimum(room, free)
+    speed = np.array(robot.mechanism.speed_limits)
+    speed = np.where(np.isfinite(speed) & (speed > 0.0), _SHARE * speed, _UNLIMITED)
+    return Limits(
+        deviation, np.minimum(speed, _UNLIMITED), np.where(torque > 0.0, _SHARE * torque, np.inf)
+    )
+
+
+def exciting_series(
+    nominal: Nominal, start: Array, limits: Limits, duration: float, seed: int
+) -> tuple[Series, float]:
+    """
+    Return a series within limits, and the condition number of the scaled base parameters.
+
+    Raises InputError if the robot cannot hold its start within the limits of the torques.
+    """
+    random = np.random.default_rng(seed)
+    joints = len(start)
+    scale = scaled(nominal.robot, nominal.theta, nominal.friction, np.ones(2 * joints))
+    base = base_parameters(nominal.robot, scale)
+    best, least = None, np.inf
+    for number in range(_CANDIDATES):
+        sines, cosines = random.standard_normal((2, joints, len(_HARMONICS)))
+        if best is not None and number >= _CANDIDATES // 2:
+            size = np.abs(best.sines).max(axis=1, keepdims=True)
+            sines, cosines = best.sines + 0.3 * size * sines, best.cosines + 0.3 * size * cosines
+        drawn = Series(start, sines, cosines, duration)
+        series, condition = _evaluated(nominal, drawn, limits, scale, base)
+        if condition < least:
+            best, least = series, condition
+    if best is None:
+        raise InputError(
+            'no motion within the torque limits found; expected limits above the torques that '
+            'hold the robot at its start (controller.torque_limit, plant.initial_joints)'
+        )
+    return best, least
+
+
+def _evaluated(
+    nominal: Nominal, series: Series, limits: Limits, scale: Scale, base: Array
+) -> tuple[Series, float]:
+    """Return a series within limits and its condition number; infinite if there is none."""
+    # Dense: between two instants no position exceeds its limit by much.
+    fine = np.linspace(0.0, series.duration, 10 * _INSTANTS)
+    position, rate, _ = series.at(fine)
+    used = np.maximum(
+        np.abs(position - series.start).max(axis=0) / limits.deviation,
+        np.abs(rate).max(axis=0) / limits.speed,
+    )
+    series = series.times_factors(1.0 / used)
+    times = np.linspace(0.0, series.duration, _INSTANTS)
+    parameters = np.concatenate([nominal.theta, nominal.friction])
+    at_rest = Series(series.start, 0.0 * series.sines, 0.0 * series.cosines, series.duration)
+    holding = _torques(nominal, at_rest, times[:1], parameters)[1]
+    if (np.abs(holding) > limits.torque).any():
+        return series, np.inf
+    for _ in range(_SHRINKINGS):
+        matrix, torque = _torques(nominal, series, times, parameters)
+        excess = np.abs(torque).max(axis=0) / limits.torque
+        if (excess <= 1.0).all():
+            break
+        # Joints at their limits move less, and all a little less, since they move each other.
+        series = series.times_factors(np.where(excess > 1.0, 0.85, 0.97))
+    else:
+        return series, np.inf
+    matrix = matrix / np.sqrt(np.mean(torque**2, axis=0) + 1.0e-12)[:, None]
+    values = np.linalg.svd(
+        matrix.reshape(-1, matrix.shape[2]) @ scale.scale @ base, compute_uv=False
+    )
+    return series, float(values[0] / max(values[-1], 1.0e-300))
+
+
+def _torques(
+    nominal: Nominal, series: Series, times: Array, parameters: Array
+) -> tuple[Array, Array]:
+    """Return the regressor (N, n, p) and the torques (N, n) of a series."""
+    angles, rates, accelerations = series.at(times)
+    base = len(nominal.robot.mechanism.base)
+    position = np.hstack([np.zeros((len(times), base)), angles])
+    equations = instantaneous(nominal.robot, position, rates, accelerations)
+    return equations.matrix, equations.known + equations.matrix @ parameters
+
+
+def positions_of(robot: Robot, start: Array, angles: Array) -> Array:
+    """Return the positions (N, positions) of joint angles (N, n), with the base by rolling."""
+    positions: Array = _positions(
+        record_of(robot, np.zeros(len(robot.theta))),
+        np.ascontiguousarray(start),
+        np.ascontiguousarray(angles),
+    )
+    return positions
+
+
+@kernel
+def _positions(body: Any, start: Any, angles: Any) -> Array:
+    record = lane_of(body[0], 0)
+    place, template = record.position, record.rates
+    model = mechanism.model_of(record)
+    base = len(place) - len(template)
+    out = np.empty((len(angles), len(place)))
+    at = to_vector(start, place)
+    before = to_vector(angles[0], template)
+    for k in range(len(angles)):
+        now = to_vector(angles[k], template)
+        pose = mechanism.dead_reckoned(
+            model, head(at, record.pose), elementwise(minus, now, before)
+        )
+        for i in range(base):
+            out[k, i] = pose[i]
+        for i in range(len(template)):
+            out[k, base + i] = angles[k, i]
+        at = to_vector(out[k], place)
+        before = now
+    return out

@@ -1,0 +1,234 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Identification of a robot from a run: timing, friction and inertial parameters.
+
+Weighted least squares in scaled parameters y, with the nominal robot as a prior of unit variance
+in each of them: what the motion does not excite stays nominal. Each joint has the weight of its
+residual (Gautier 1997). Parameters that no robot can have are moved to the nearest consistent ones
+in the metric of the data.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from masmc_ros.errors import InputError
+from masmc_ros.identification.consistency import nearest_consistent, Scale, scaled
+from masmc_ros.identification.regressor import averaged, Equations, FRICTIONS
+from masmc_ros.identification.samples import Samples
+from masmc_ros.identification.timing import fit_timing, LARGEST, Timing
+from masmc_ros.identification.windows import average_of_held, sample_weights, Windows, windows_in
+from masmc_ros.numerics.aliases import Array
+from masmc_ros.robot.robot import Robot
+import numpy as np
+from numpy.typing import NDArray
+
+_ROUNDS = 2
+"""Iterations of the weights of the joints."""
+
+_FINEST = 1.0e-6
+"""Smallest standard deviation of a torque, relative to its RMS value."""
+
+_SHARPEST = 1.0e10
+"""Largest information of a scaled parameter in the metric of the nearest consistent ones."""
+
+EXCITED = 0.1
+"""Standard error of an excited parameter, at most this part of its prior standard deviation."""
+
+_FEWEST_WINDOWS = 40
+"""Windows with which an identification is possible."""
+
+_COULOMB_SHARE = 0.1
+"""Expected Coulomb friction, as a part of the RMS torque of the joint."""
+
+
+class Nominal(NamedTuple):
+    """Nominal robot, as the controller assumes it."""
+
+    robot: Robot
+    """Robot without friction."""
+    theta: Array
+    """(p) inertial parameters."""
+    friction: Array
+    """(2 n) viscous and Coulomb friction of the n joints."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """
+    Averaged equations of motion of a run.
+
+    Attributes
+    ----------
+    equations
+        of the motion.
+    windows
+        of the averages.
+    samples
+        of the run.
+
+    """
+
+    equations: Equations
+    windows: Windows
+    samples: Samples
+
+    def torque(self, latency: float, lag: float) -> Array:
+        """Return the averages (W, n) of the torques that acted."""
+        times, commands = self.samples.command_times, self.samples.commands
+        smoothing = self.samples.smoothing
+        return average_of_held(times, commands, self.windows, latency, lag, smoothing)
+
+    def predicted(self, parameters: Array) -> Array:
+        """Return the averages (W, n) of the torques that parameters (p + 2 n) explain."""
+        return self.equations.known + self.equations.matrix @ parameters
+
+
+@dataclass(frozen=True)
+class Identified:
+    """
+    Results of an identification.
+
+    Attributes
+    ----------
+    names, units
+        of the parameters (p + 2 n): inertial ones, then viscous and Coulomb friction.
+    nominal, values, errors
+        (p + 2 n) nominal and identified parameters, and standard errors.
+    is_excited
+        (p + 2 n) True if the motion determined the parameter and not the prior.
+    timing
+        Latency and motor lag.
+    residual
+        (n) RMS of the torques that the identified robot does not explain, relative to the RMS
+        torque of the joint.
+    nominal_residual
+        (n) the same of the nominal robot.
+    deviations
+        (n) standard deviations of the averaged torques in N·m or N.
+    information
+        (p + 2 n, p + 2 n) of the scaled parameters in the data.
+    scale
+        Scaled parameters.
+
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    nominal: Array
+    values: Array
+    errors: Array
+    is_excited: NDArray[np.bool_]
+    timing: Timing
+    residual: Array
+    nominal_residual: Array
+    deviations: Array
+    information: Array
+    scale: Scale
+
+
+def measured(robot: Robot, samples: Samples, where: str = 'run') -> Measured:
+    """Return the averaged equations of a run; InputError if there are too few windows."""
+    half = samples.half
+    windows = windows_in(samples.times, half, samples.valid, LARGEST + half)
+    if len(windows.centres) < _FEWEST_WINDOWS:
+        raise InputError(
+            f'{where}: {len(windows.centres)} parts of {2000.0 * half:g} ms without a gap in '
+            f'states and commands; expected at least {_FEWEST_WINDOWS}'
+        )
+    weights = sample_weights(samples.times, windows)
+    return Measured(averaged(robot, samples.position, samples.rates, weights), windows, samples)
+
+
+def identify(nominal: Nominal, run: Measured) -> Identified:
+    """Return the identified parameters of a run."""
+    torque = run.torque(0.0, 0.0)
+    size = np.sqrt(np.mean((torque - np.mean(torque, axis=0)) ** 2, axis=0))
+    speed = np.sqrt(np.mean(run.samples.rates**2, axis=0)) + 1.0e-3
+    size = np.maximum(size, 1.0e-6 * size.max() + 1.0e-9)
+    friction_scale = np.concatenate([size / speed, _COULOMB_SHARE * size])
+    friction_scale = np.maximum(friction_scale, nominal.friction)
+    scale = scaled(nominal.robot, nominal.theta, nominal.friction, friction_scale)
+    prior = scale.prior()
+    deviations = 0.05 * size
+    problem = _Problem(run, scale, prior, deviations)
+    timing = fit_timing(problem.residual)
+    for _ in range(_ROUNDS):
+        problem = _Problem(run, scale, prior, deviations)
+        timing = fit_timing(problem.residual, timing)
+        acting = run.torque(timing.latency.value, timing.lag.value)
+        target = problem.solution(acting)
+        missing = acting - run.predicted(scale.parameters(target))
+        deviations = np.maximum(np.sqrt(np.mean(missing**2, axis=0)), _FINEST * size)
+    information = problem.information
+    sharp, turned = np.linalg.eigh(information + prior)
+    metric = (turned * np.minimum(sharp, _SHARPEST)) @ turned.T
+    values = scale.parameters(nearest_consistent(scale, target, metric))
+    values[scale.first_friction:] = np.maximum(values[scale.first_friction:], 0.0)
+    covariance = scale.scale @ np.linalg.inv(information + prior) @ scale.scale.T
+    before = scale.scale @ np.linalg.inv(prior) @ scale.scale.T
+    errors, expected = np.sqrt(np.diag(covariance)), np.sqrt(np.diag(before))
+    names, units = _names(nominal.robot)
+    return Identified(
+        names=names,
+        units=units,
+        nominal=scale.nominal,
+        values=values,
+        errors=errors,
+        is_excited=errors < EXCITED * expected,
+        timing=timing,
+        residual=relative_error(acting, run.predicted(values)),
+        nominal_residual=relative_error(acting, run.predicted(scale.nominal)),
+        deviations=deviations,
+        information=information,
+        scale=scale,
+    )
+
+
+def relative_error(torque: Array, predicted: Array) -> Array:
+    """Return the RMS of predictions (W, n) minus torques, relative to the RMS torque (n)."""
+    missing, size = np.mean((torque - predicted) ** 2, axis=0), np.mean(torque**2, axis=0)
+    return np.sqrt(missing / np.maximum(size, 1.0e-30))
+
+
+def _names(robot: Robot) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return names and units of all parameters."""
+    names = [quantity.name for quantity in robot.mechanism.theta]
+    units = [quantity.unit for quantity in robot.mechanism.theta]
+    for friction in FRICTIONS:
+        for joint in robot.mechanism.joints:
+            names.append(f'{joint.name}_{friction}')
+            per_speed = f'{joint.effort_unit}·s' if joint.unit != 'm' else 'N·s/m'
+            units.append(per_speed if friction == 'viscous' else joint.effort_unit)
+    return tuple(names), tuple(units)
+
+
+class _Problem:
+    """Weighted least squares with a prior, in scaled parameters."""
+
+    def __init__(self, run: Measured, scale: Scale, prior: Array, deviations: Array) -> None:
+        """Initialise the problem with the standard deviations (n) of the torques."""
+        self._run, self._scale, self._deviations = run, scale, deviations
+        matrix = run.equations.matrix / deviations[:, None]
+        self._count = len(scale.nominal)
+        data = matrix.reshape(-1, self._count) @ scale.scale
+        root = np.linalg.cholesky(prior)
+        self._orthogonal, self._triangle = np.linalg.qr(np.vstack([data, root.T]))
+        self.information = data.T @ data
+
+    def _right(self, torque: Array) -> Array:
+        missing = torque - self._run.predicted(self._scale.nominal)
+        rows = (missing / self._deviations).ravel()
+        return np.concatenate([rows, np.zeros(self._count)])
+
+    def residual(self, latency: float, lag: float) -> Array:
+        """Return the weighted residuals after the best parameters, for a timing in s."""
+        right = self._right(self._run.torque(latency, lag))
+        return np.asarray(right - self._orthogonal @ (self._orthogonal.T @ right))
+
+    def solution(self, torque: Array) -> Array:
+        """Return the scaled parameters of the minimum, consistent or not."""
+        return np.linalg.solve(self._triangle, self._orthogonal.T @ self._right(torque))

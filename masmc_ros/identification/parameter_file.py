@@ -1,0 +1,73 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Parameter files of identified robots and of exciting motions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from masmc_ros.identification.identify import Identified, Nominal
+from masmc_ros.identification.nominal import consistent_values
+from masmc_ros.params.node_parameters import declared
+from masmc_ros.params.text import yaml_text
+from masmc_ros.report.files import write_file
+from masmc_ros.robot.declaration import URDF
+from masmc_ros.robot.registry import mechanism_from
+
+EVERY = '/**'
+"""Place of the values for all nodes."""
+
+
+def write_identified(
+    path: Path, nominal: Nominal, identified: Identified, source: str
+) -> list[Path]:
+    """
+    Write the parameters of a controller that assumes the identified robot.
+
+    Parameters
+    ----------
+    path
+        Parameter file to write; a description is written next to it, as *.urdf.
+    nominal
+        Nominal robot.
+    identified
+        Its identification.
+    source
+        Name of the run, for a comment.
+
+    Returns
+    -------
+        Paths of the written files.
+
+    """
+    values = consistent_values(nominal, identified.values)
+    values['model_scale'] = 1.0
+    files = [path]
+    if URDF in values:
+        description = path.with_suffix('.urdf').resolve()
+        write_file(description, values[URDF].encode())
+        values[URDF] = str(description)
+        files.append(description)
+    timing = {'latency': identified.timing.latency, 'motor_lag': identified.timing.lag}
+    known = {parameter.name for parameter in declared('controller', mechanism_from(values))}
+    values |= {name: timing[name].value for name in timing.keys() & known}
+    comments = [f'Robot identified by masmc identify from {source}.'] + [
+        f'{name}: {1e3 * estimate.value:.3f} ms, standard error {1e3 * estimate.error:.2g} ms'
+        for name, estimate in timing.items()
+    ]
+    write_parameters(path, {'controller': values}, comments)
+    return files
+
+
+def write_parameters(
+    path: Path, nodes: Mapping[str, Mapping[str, Any]], comments: list[str]
+) -> None:
+    """Write a ROS 2 parameter file of values by node, or EVERY, and name, after comments."""
+    lines = [f'# {comment}' for comment in comments]
+    for node, values in nodes.items():
+        lines += [f'{EVERY}:' if node == EVERY else f'{EVERY}/{node}:', '  ros__parameters:']
+        lines += [f'    {name}: {yaml_text(value)}' for name, value in values.items()]
+    write_file(path, ('\n'.join(lines) + '\n').encode())

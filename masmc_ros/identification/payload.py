@@ -1,0 +1,114 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Payload of a robot whose other parameters are known: the change of its last link alone.
+
+A load that is fixed to the last link adds its mass and moments to those of the link (Atkeson, An
+and Hollerbach 1986). Its mass and first moments are then determined by more joints than the
+parameters of the link are in an identification of the whole robot.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from masmc_ros.identification.identify import Identified, Measured, Nominal, relative_error
+from masmc_ros.numerics.aliases import Array
+import numpy as np
+
+_HEAVIEST = 20.0
+"""Expected size of a mass in kg."""
+
+_LIGHTEST = 1.0e-3
+"""Smallest mass in kg that is reported."""
+
+_UNEXPLAINED = 0.03
+"""Relative torque from which other parameters than those of the payload differ, too."""
+
+_FARTHEST = 0.3
+"""Expected distance of its centre of mass from the frame of the link, in m."""
+
+
+class Payload(NamedTuple):
+    """
+    Payload in the frame of the last link.
+
+    Attributes
+    ----------
+    mass, mass_error
+        in kg, with the standard error.
+    centre, centre_error
+        (3) centre of mass in m, with the standard error.
+    residual
+        (n) RMS of the torques that the payload does not explain, relative to the RMS torque.
+
+    """
+
+    mass: float
+    mass_error: float
+    centre: Array
+    centre_error: Array
+    residual: Array
+
+    @property
+    def is_significant(self) -> bool:
+        """Return True if the mass exceeds its standard error, and explains the torques."""
+        explains = bool((self.residual < _UNEXPLAINED).all())
+        return explains and self.mass > max(3.0 * self.mass_error, _LIGHTEST)
+
+
+def payload_of(
+    nominal: Nominal, factors: Array, run: Measured, identified: Identified
+) -> Payload:
+    """
+    Return the payload that explains the difference between a run and the nominal robot.
+
+    Parameters
+    ----------
+    nominal
+        Robot without payload.
+    factors
+        (p, 10) changes of its inertial parameters by mass, first and second moments of a payload
+        in the frame of the last link; zero for those that have no effect.
+    run
+        Run with the payload.
+    identified
+        Its identification; of its results the timing and the noise are used.
+
+    """
+    before = np.concatenate([nominal.theta, nominal.friction])
+    change = np.zeros((len(before), factors.shape[1]))
+    change[:len(nominal.theta)] = factors
+    expected = np.array([_HEAVIEST] + [_HEAVIEST * _FARTHEST] * 3 + [_HEAVIEST * _FARTHEST**2] * 6)
+    timing = identified.timing
+    torque = run.torque(timing.latency.value, timing.lag.value)
+    missing = torque - run.predicted(before)
+    columns = run.equations.matrix @ change
+    # Friction that differs from the nominal one is not attributed to the payload.
+    own = run.equations.matrix[:, :, len(nominal.theta):]
+    friction_scale = np.diag(identified.scale.scale)[len(nominal.theta):]
+    matrix = np.concatenate([columns * expected, own * friction_scale], axis=2)
+    weighted = (matrix / identified.deviations[:, None]).reshape(-1, matrix.shape[2])
+    right = (missing / identified.deviations).ravel()
+    count = weighted.shape[1]
+    orthogonal, triangle = np.linalg.qr(np.vstack([weighted, np.eye(count)]))
+    solution = np.linalg.solve(triangle, orthogonal[:len(right)].T @ right)
+    remaining = missing - matrix @ solution
+    # The noise of the averaged torques, or what the payload leaves if that is more.
+    excess = max(1.0, float(np.mean((remaining / identified.deviations) ** 2)))
+    size = len(expected)
+    inverse = np.linalg.inv(triangle)[:size]
+    covariance = inverse @ inverse.T * excess
+    moments = solution[:size] * expected
+    covariance *= np.outer(expected, expected)
+    mass, centre = float(moments[0]), moments[1:4] / moments[0]
+    slopes = np.zeros((3, size))
+    slopes[:, 0], slopes[:, 1:4] = -centre / mass, np.eye(3) / mass
+    return Payload(
+        mass,
+        float(np.sqrt(covariance[0, 0])),
+        centre,
+        np.sqrt(np.diag(slopes @ covariance @ slopes.T)),
+        relative_error(torque, torque - remaining),
+    )

@@ -1,0 +1,178 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""States and commanded torques of a run, as the identification uses them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from masmc_ros.errors import InputError
+from masmc_ros.identification.windows import Average
+from masmc_ros.log.read.reader import Run
+from masmc_ros.numerics.aliases import Array
+import numpy as np
+from numpy.typing import NDArray
+
+SHORTEST = 5.0
+"""Shortest time in s of states and commands."""
+
+_SLOWEST = 0.01
+"""Speed in rad/s or m/s that a joint exceeds if the robot moves."""
+
+_NOISIEST = 5.0e-3
+"""Noise in rad/s or m/s above which measured velocities are not used."""
+
+_LONGEST_GAP = 2.5
+"""Longest interval between samples, in medians of the intervals."""
+
+_FEWEST_PERIODS = 8
+"""Intervals between states in half of a window, and its shortest half in s."""
+_SHORTEST_HALF = 0.05
+
+_SMOOTH_PERIODS = 3
+"""Intervals between states in half of the smoothing of velocities, and its shortest half in s."""
+_SHORTEST_SMOOTHING = 0.01
+
+_DEGREE = 4
+"""Degree of the local polynomials of the positions."""
+
+
+@dataclass(frozen=True)
+class Samples:
+    """
+    Motion and commands of a robot with n joints.
+
+    Attributes
+    ----------
+    times
+        (N) stamps of the states in s, ascending.
+    position
+        (N, positions) in m and rad.
+    velocity
+        (N, n) measured rates of the joints in rad/s or m/s, NaN if they were not measured.
+    command_times
+        (M) stamps of the states that the commands answer, in s, ascending.
+    commands
+        (M, n) commanded torques in N·m or N.
+
+    """
+
+    times: Array
+    position: Array
+    velocity: Array
+    command_times: Array
+    commands: Array
+
+    @property
+    def period(self) -> float:
+        """Return the median interval between states in s."""
+        return float(np.median(np.diff(self.times)))
+
+    @property
+    def half(self) -> float:
+        """Return half of the length of a window in s."""
+        return max(_SHORTEST_HALF, _FEWEST_PERIODS * self.period)
+
+    @cached_property
+    def differences(self) -> Array:
+        """Return the factors (2 m + 1) in 1/s of neighbouring positions in a rate."""
+        from scipy.signal import savgol_coeffs
+
+        count = max(_SMOOTH_PERIODS, round(_SHORTEST_SMOOTHING / self.period))
+        return np.asarray(
+            savgol_coeffs(2 * count + 1, _DEGREE, deriv=1, delta=self.period, use='dot')
+        )
+
+    @cached_property
+    def has_rates(self) -> bool:
+        """Return True if velocities were measured with little noise."""
+        # Third differences of white noise have twenty times its variance.
+        noise = np.sqrt(np.mean(np.diff(self.velocity, 3, axis=0) ** 2, axis=0) / 20.0)
+        return bool((noise < _NOISIEST).all())
+
+    @property
+    def smoothing(self) -> Average | None:
+        """Return the weights of the true rates in those of `rates`; None if these are measured."""
+        if self.has_rates:
+            return None
+        return Average(np.cumsum(self.differences[:0:-1]) , self.period)
+
+    @cached_property
+    def rates(self) -> Array:
+        """
+        Return the rates of the joints (N, n) in rad/s or m/s, measured or from positions.
+
+        Those from positions are averages of the true ones, and the torques are then averaged in
+        the same way, which removes the effect of the filter.
+        """
+        if self.has_rates:
+            return self.velocity
+        period, factors = self.period, self.differences
+        count = len(factors) // 2
+        times = self.times
+        last = round((times[-1] - times[0]) / period)
+        grid = times[0] + period * np.arange(-count, last + count + 1)
+        angles = self.position[:, -self.commands.shape[1]:]
+        columns = []
+        for column in angles.T:
+            smooth = np.correlate(np.interp(grid, times, column), factors, mode='valid')
+            columns.append(np.interp(times, grid[count:-count], smooth))
+        return np.column_stack(columns)
+
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """Return True for the intervals between states (N - 1) without a gap."""
+        valid = _without_gap(self.times)
+        commanded = _without_gap(self.command_times)
+        # Numbers of the commands before each state; a last one is held until the next period.
+        number = np.searchsorted(self.command_times, self.times, side='right') - 1
+        last = len(self.command_times) - 1
+        held = self.times - self.command_times[np.maximum(number, 0)]
+        period = float(np.median(np.diff(self.command_times)))
+        known = (number >= 0) & ((number < last) | (held < _LONGEST_GAP * period))
+        known[number < last] &= commanded[np.maximum(number[number < last], 0)]
+        return np.asarray(valid & known[:-1] & known[1:])
+
+
+def samples_of(run: Run) -> Samples:
+    """
+    Return the states and commands of a logged run.
+
+    Raises InputError for a run without torques, a short one, and one without motion.
+    """
+    if run.commands_rates:
+        raise InputError(
+            f'{run.path}: commands of velocities; expected commanded torques '
+            '(command_interface: effort), from which masses and friction can be computed'
+        )
+    if not len(run.torque):
+        raise InputError(
+            f'{run.path}: no commanded torques in it; expected effort_commands, recorded with '
+            'joint_states'
+        )
+    order = np.argsort(run.torque.times, kind='stable')
+    times, first = np.unique(run.torque.times[order], return_index=True)
+    start = max(float(run.times[0]), float(times[0]))
+    end = min(float(run.times[-1]), float(times[-1]))
+    if end - start < SHORTEST:
+        raise InputError(
+            f'{run.path}: {max(0.0, end - start):.3g} s of states with commands; expected at '
+            f'least {SHORTEST:g} s, better 30 s'
+        )
+    velocity = run.velocity[:, len(run.mechanism.base):]
+    commands = run.torque.values[order][first]
+    samples = Samples(run.times, run.position, velocity, times, commands)
+    fastest = float(np.abs(samples.rates).max())
+    if not fastest > _SLOWEST:
+        raise InputError(
+            f'{run.path}: the robot did not move (fastest joint {fastest:.3g} rad/s); expected a '
+            'motion of all joints, such as that of masmc excite'
+        )
+    return samples
+
+
+def _without_gap(times: Array) -> NDArray[np.bool_]:
+    steps = np.diff(times)
+    return np.asarray(steps < _LONGEST_GAP * np.median(steps))
