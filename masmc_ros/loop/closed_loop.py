@@ -388,7 +388,7 @@ def reduced_loop(
         reduce_tick(sums, row, points, settling, first + k, begin, end)
         if final and k == n - 1:
             break
-        advance(plant_constants, plant_state, first + k, row, False)
+        advance(plant_constants, plant_state, delay_line, first + k, row, False)
         observe(plant_constants, plant_state, delay_line, first + k + 1, row)
     copy_to(plant_state, plant_memory[0])
     copy_to(control_state, memory[0])
@@ -431,7 +431,7 @@ def reduced_loop_by_shortcut(
         reduce_tick(sums, row, points, settling, first + k, begin, end)
         if final and k == n - 1:
             break
-        advance(plant_constants, plant_state, first + k, row, False)
+        advance(plant_constants, plant_state, delay_line, first + k, row, False)
         observe(plant_constants, plant_state, delay_line, first + k + 1, row)
     copy_to(plant_state, plant_memory[0])
     copy_to(control_state, memory[0])

@@ -188,6 +188,7 @@ WRITTEN = {
     'bench.json',
     'layout.json',
     'metadata.yaml',
+    'tuned.yaml',
     'my_path.yaml',
     'my_robot.launch.py',
     'my_robot.yaml',
