@@ -31,7 +31,13 @@ from masmc_ros.loop.closed_loop import (
 )
 from masmc_ros.loop.dry_run import check
 from masmc_ros.loop.reduction import axes_of_points, reduced_signals
-from masmc_ros.loop.simulated_robot import delay_line, RIGID, write_plant, write_start
+from masmc_ros.loop.simulated_robot import (
+    delay_line,
+    RIGID,
+    stamp_age,
+    write_plant,
+    write_start,
+)
 from masmc_ros.loop.timing import Timing
 from masmc_ros.numerics.record import fill, lanes_of, take_over
 from masmc_ros.reference.trajectory import Trajectory
@@ -132,7 +138,7 @@ class BatchSimulation:
         nominal = robot_of(control)
         records.write_law(self._settings, nominal, period, control, lane)
         if records.is_compensated(control):
-            fill(self._settings, 'stamp_age', self._plant['delay'][0, lane] * period, lane)
+            fill(self._settings, 'stamp_age', stamp_age(plant['measurement_delay'], period), lane)
         fill(self._learned, 'estimate', control['model_scale'] * nominal.theta, lane)
 
     def run(self, block: int = BLOCK) -> Iterator[NDArray[np.void]]:

@@ -280,8 +280,8 @@ class SimulatedRobot:
 
     @property
     def delay(self) -> float:
-        """Return the age of measured states in s, in whole control periods."""
-        return float(self.settings['delay'][0, 0]) * self.period
+        """Return the mean age of measured states in s."""
+        return stamp_age(self._values['measurement_delay'], self.period)
 
     @property
     def contact(self) -> NDArray[np.float64]:
@@ -414,6 +414,11 @@ def write_plant(
     gains = np.array([bristle_gains(*joint, step) for joint in zip(*of_stiction, strict=True)])
     fill(settings, 'bristle_stiffness', gains[:, 0], lane)
     fill(settings, 'bristle_damping', gains[:, 1], lane)
+
+
+def stamp_age(delay: float, period: float) -> float:
+    """Return the mean time in s from a measurement to its stamp, for a `measurement_delay`."""
+    return round(delay / period) * period
 
 
 def _ticks_of_delay(values: Mapping[str, Any], name: str, period: float) -> tuple[int, int]:

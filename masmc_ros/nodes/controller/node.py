@@ -38,6 +38,7 @@ from masmc_ros.loop import records
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.preparation import Effect, LawChange, prepare
 from masmc_ros.loop.safe_stop import HOLD, SafeStop
+from masmc_ros.loop.simulated_robot import stamp_age
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.parameter_record import record_of
 from masmc_ros.messages.reference_window import ReferenceWindow
@@ -337,7 +338,7 @@ def _stamp_age(plant_values: Mapping[str, Any], period: float) -> float:
     """Return the delay of a simulated plant before its stamps in s."""
     delay = plant_values.get('measurement_delay', 0.0)
     is_valid = isinstance(delay, float) and 0.0 <= delay <= 1.0
-    return round(delay / period) * period if is_valid else 0.0
+    return stamp_age(delay, period) if is_valid else 0.0
 
 
 def _check_law(values: Mapping[str, Any]) -> None:
