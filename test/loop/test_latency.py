@@ -78,6 +78,19 @@ def test_planar_robot_wrong_latency_error_below_one_mm(assumed: float) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    'effect',
+    [
+        ('plant.measurement_delay=0.01', 'plant.motor_lag=0.005'),
+        ('plant.command_delay=0.01',),
+        ('plant.measurement_delay=0.005', 'plant.command_delay=0.005', 'plant.delay_jitter=0.25'),
+    ],
+)
+def test_planar_robot_other_effects_error_below_one_mm(effect: tuple[str, ...]) -> None:
+    assert result('paper.yaml', *SMC, 'controller.latency=0.01', *effect)[0] < 0.6
+
+
+@pytest.mark.slow
 def test_planar_robot_100_hz_estimate_halves_error() -> None:
     at_100_hz = (*SMC, 'control_period=0.01')
     assert result('paper.yaml', *at_100_hz, 'controller.compensation.gain=0.5')[0] < 1.3
