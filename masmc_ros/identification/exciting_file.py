@@ -20,7 +20,7 @@ from masmc_ros.identification.nominal import nominal_of, of_its_kind
 from masmc_ros.identification.parameter_file import EVERY, write_parameters
 from masmc_ros.numerics.aliases import Array
 from masmc_ros.params.node_parameters import declared, NODES, shared
-from masmc_ros.robot.registry import mechanism_from
+from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.robot.robot import robot_of
 import numpy as np
 

@@ -14,8 +14,8 @@ from masmc_ros.identification.identify import Nominal
 from masmc_ros.log.read.reader import Run
 from masmc_ros.numerics.aliases import Array
 from masmc_ros.params.declaration import check_all
-from masmc_ros.robot.registry import mechanism_from, NAME
-from masmc_ros.robot.registry import parameters as kinds
+from masmc_ros.robot.mechanisms import mechanism_from, NAME
+from masmc_ros.robot.mechanisms import parameters as kinds
 from masmc_ros.robot.robot import Robot, robot_of
 import numpy as np
 

@@ -15,7 +15,7 @@ from masmc_ros.params.node_parameters import declared
 from masmc_ros.params.text import yaml_text
 from masmc_ros.report.files import write_file
 from masmc_ros.robot.declaration import URDF
-from masmc_ros.robot.registry import mechanism_from
+from masmc_ros.robot.mechanisms import mechanism_from
 
 EVERY = '/**'
 """Place of the values for all nodes."""

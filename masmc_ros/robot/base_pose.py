@@ -5,18 +5,16 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
 import math
-from typing import Any
+from typing import TYPE_CHECKING
 
 from masmc_ros.errors import InputError
-from masmc_ros.numerics.arrays import to_vector
-from masmc_ros.numerics.compiled import kernel
-from masmc_ros.numerics.lanes import lane_of
-from masmc_ros.robot import mechanism
-from masmc_ros.robot.robot import Robot
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    # Readers of logs need no compiled code.
+    from masmc_ros.robot.dead_reckoning import DeadReckoning
 
 OLDEST_POSE_NS = 100_000_000
 """Largest age in ns of odometry that is extrapolated to a joint state."""
@@ -29,68 +27,6 @@ _JUMP = 0.01
 
 Pose = tuple[float, float, float]
 """x and y in m, and yaw in rad."""
-
-
-@kernel
-def _reckon(body: Any, turned: Any, pose: Any) -> None:
-    """Move a pose (3) by a rotation of the joints (joints)."""
-    robot = lane_of(body[0], 0)
-    model = mechanism.model_of(robot)
-    angles = to_vector(turned, robot.rates)
-    pose[0], pose[1], pose[2] = mechanism.dead_reckoned(model, (pose[0], pose[1], pose[2]), angles)
-
-
-class DeadReckoning:
-    """Motion of the base by its wheels' encoders over the last tenths of a second."""
-
-    def __init__(self, robot: Robot) -> None:
-        """Initialise without a motion."""
-        self._body = robot.body
-        self._count = len(robot.mechanism.joints)
-        self._stamps: list[int] = []
-        self._poses: list[Pose] = []
-        self._angles = np.zeros(self._count)
-
-    def add(self, stamp_ns: int, position: NDArray[np.float64]) -> None:
-        """Add the positions (positions) of a joint state."""
-        angles = position[-self._count:]
-        pose = np.zeros(3)
-        if self._stamps and stamp_ns > self._stamps[-1]:
-            pose[:] = self._poses[-1]
-            _reckon(self._body, angles - self._angles, pose)
-        else:
-            self._stamps.clear()
-            self._poses.clear()
-        self._angles[:] = angles
-        self._stamps.append(stamp_ns)
-        self._poses.append((float(pose[0]), float(pose[1]), float(pose[2])))
-        # The next odometry may be older than the last one that a state could use.
-        if stamp_ns - self._stamps[0] > 4 * OLDEST_POSE_NS:
-            old = bisect_left(self._stamps, stamp_ns - 2 * OLDEST_POSE_NS)
-            del self._stamps[:old], self._poses[:old]
-
-    def motion(self, start_ns: int, end_ns: int) -> Pose | None:
-        """Return the motion between two stamps in the frame at the first; None if unknown."""
-        start, end = self._at(start_ns), self._at(end_ns)
-        if start is None or end is None:
-            return None
-        c, s = math.cos(start[2]), math.sin(start[2])
-        x, y = end[0] - start[0], end[1] - start[1]
-        return c * x + s * y, c * y - s * x, end[2] - start[2]
-
-    def _at(self, stamp_ns: int) -> Pose | None:
-        k = bisect_left(self._stamps, stamp_ns)
-        if k == len(self._stamps):
-            return None
-        if self._stamps[k] == stamp_ns:
-            return self._poses[k]
-        if k == 0:
-            return None
-        before, after = self._stamps[k - 1:k + 1]
-        part = (stamp_ns - before) / (after - before)
-        pairs = zip(self._poses[k - 1], self._poses[k], strict=True)
-        x, y, yaw = (one + part * (other - one) for one, other in pairs)
-        return x, y, yaw
 
 
 class BasePose:

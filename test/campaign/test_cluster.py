@@ -69,11 +69,13 @@ def test_rows_are_those_of_one_process_if_worker_is_killed(tmp_path: Path) -> No
 
 
 def shadow(folder: Path, *, is_whole: bool) -> str:
-    """Return a folder with this package under another version, or with its first file only."""
+    """Return a folder with this package under another version, or with one that is broken."""
     own, other = Path(masmc_ros.__file__).parent, folder / 'masmc_ros'
     other.mkdir()
     text = (own / '__init__.py').read_text(encoding='utf-8')
     text = text.replace(masmc_ros.__version__, '9.9.9')
+    if not is_whole:
+        text = "raise ImportError('a part is missing')\n"
     (other / '__init__.py').write_text(text, encoding='utf-8')
     for path in own.iterdir() if is_whole else ():
         if path.name != '__init__.py':

@@ -14,7 +14,8 @@ from masmc_ros.loop.simulated_robot import plant_of
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.reference.approach import Approach
 from masmc_ros.reference.trajectory import Trajectory
-from masmc_ros.robot.base_pose import BasePose, DeadReckoning
+from masmc_ros.robot.base_pose import BasePose
+from masmc_ros.robot.dead_reckoning import DeadReckoning
 from masmc_ros.robot.robot import robot_of
 import numpy as np
 from numpy.typing import NDArray
@@ -71,7 +72,7 @@ def run(*, ticks: int = 7000, jump: float = 0.0, approaches: bool = True) -> Res
             base.correct(transform(jump))
         base.write(k * 1_000_000, position, velocity)
         if base.has_jumped and approaches:
-            approach.begin()
+            approach.start()
             controller.skip(0)
         base.has_jumped = False
         reference = samples[k]

@@ -98,11 +98,15 @@ def test_runaway_ordinary_run_of_every_law_no_alarm(law: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize('law', ['variable_structure', 'rasmc'])
 def test_runaway_tiago_unstable_law_comes_to_rest(law: str) -> None:
-    """`variable_structure` fails with TIAGo's gains; a delay of 5 ms makes `rasmc` diverge."""
+    """`variable_structure` with gains of axes in m, and `rasmc` with a delay of 5 ms diverge."""
     delay = 0.0 if law == 'variable_structure' else 0.005
     settings = [
         'pacing=realtime', f'controller.law={law}', f'plant.measurement_delay={delay}',
         'controller.observer_gain=0.5',
+        *(
+            f'controller.variable_structure.{name}={value}'
+            for name, value in (('alpha', 200.0), ('beta', 100.0), ('k', 120.0))
+        ),
     ]
     loop = CoreLoop(load_scenario(str(CONFIG / 'tiago.yaml'), settings))
     limits = np.array(loop.controller.mechanism.speed_limits)

@@ -27,7 +27,7 @@ from masmc_ros.identification.nominal import nominal_of, of_its_kind
 from masmc_ros.identification.payload import payload_of
 from masmc_ros.numerics.aliases import Array
 from masmc_ros.params.scenario import load_scenario
-from masmc_ros.robot.registry import DEFAULT as PLANAR
+from masmc_ros.robot.mechanisms import DEFAULT as PLANAR
 from masmc_ros.robot.robot import Robot, robot_of
 import numpy as np
 import pytest

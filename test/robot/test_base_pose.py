@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.messages.transforms import transforms_of, TransformsCdr
 from masmc_ros.params.scenario import load_scenario
-from masmc_ros.robot.base_pose import BasePose, DeadReckoning
+from masmc_ros.robot.base_pose import BasePose
+from masmc_ros.robot.dead_reckoning import DeadReckoning
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.robot.two_link.platform_motion import base_motion
 import numpy as np

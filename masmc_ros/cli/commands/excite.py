@@ -13,7 +13,7 @@ from masmc_ros.errors import InputError
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.report.aligned import aligned
 from masmc_ros.report.files import check_absent
-from masmc_ros.robot.registry import mechanism_from
+from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.share import scenario_file
 
 

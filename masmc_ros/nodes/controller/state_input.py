@@ -21,7 +21,8 @@ from masmc_ros.nodes.middleware.past import subscribe_with_past
 from masmc_ros.nodes.middleware.raw_types import raw_class
 from masmc_ros.nodes.process.rejected_messages import RejectedMessages
 from masmc_ros.numerics.aliases import Array
-from masmc_ros.robot.base_pose import BasePose, DeadReckoning, OLDEST_POSE_NS
+from masmc_ros.robot.base_pose import BasePose, OLDEST_POSE_NS
+from masmc_ros.robot.dead_reckoning import DeadReckoning
 from masmc_ros.robot.joint_names import driven_joint_names, joint_names
 from masmc_ros.robot.robot import Robot
 from nav_msgs.msg import Odometry
