@@ -47,4 +47,4 @@ def test_lockstep_run_of_imperfect_plant_equals_computed_run(
         started.start('composed', '--record', *arguments)
         assert started.wait() == {'composed': 0}, started.output()
     assert main(['simulate', str(log)]) == 0
-    assert 'all 501 states and 501 commands' in capsys.readouterr().out
+    assert 'recomputed: all 501 states and' in capsys.readouterr().out
