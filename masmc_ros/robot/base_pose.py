@@ -6,15 +6,11 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 from masmc_ros.errors import InputError
 import numpy as np
 from numpy.typing import NDArray
-
-if TYPE_CHECKING:
-    # Readers of logs need no compiled code.
-    from masmc_ros.robot.dead_reckoning import DeadReckoning
 
 OLDEST_POSE_NS = 100_000_000
 """Largest age in ns of odometry that is extrapolated to a joint state."""
@@ -27,6 +23,14 @@ _JUMP = 0.01
 
 Pose = tuple[float, float, float]
 """x and y in m, and yaw in rad."""
+
+
+class Motion(Protocol):
+    """Measured motion of the base, such as `robot.dead_reckoning.DeadReckoning`."""
+
+    def motion(self, start_ns: int, end_ns: int) -> Pose | None:
+        """Return the motion between two stamps in the frame at the first; None if unknown."""
+
 
 
 class BasePose:
@@ -47,7 +51,7 @@ class BasePose:
 
     """
 
-    def __init__(self, reckoning: DeadReckoning | None = None) -> None:
+    def __init__(self, reckoning: Motion | None = None) -> None:
         """Initialise without a pose; `reckoning` for the motion by wheels."""
         self.stamp_ns: int | None = None
         self.has_jumped = False
