@@ -25,7 +25,6 @@ OLDER = 'ticks under an older command in the last second (%)'
 def report(health: PlantHealth, ticks: int) -> Health:
     return health.report(
         None, [], RejectedMessages(None), state='real time',
-        is_over=False,
         ticks=ticks, dropped=0, command_age=0.0, slip=None,
     )  # fmt: skip
 

@@ -95,8 +95,8 @@ class CommandInput:
         if self.are_sent_by(node, name):
             return None
         used = {source.topic for source in self.sources}
-        other = {CMD_VEL_TOPIC, ARM_VELOCITY_TOPIC, COMMAND_TOPIC} - used
-        sent = [topic for topic in sorted(other) if _sent_types(node, name, topic)]
+        other = [t for t in (CMD_VEL_TOPIC, ARM_VELOCITY_TOPIC, COMMAND_TOPIC) if t not in used]
+        sent = [topic for topic in other if _sent_types(node, name, topic)]
         if sent:
             return (
                 f'it sends {" and ".join(sent)}, and with {COMMAND_INTERFACE.name} '

@@ -35,7 +35,7 @@ class PlantHealth:
         rejected_messages: RejectedMessages,
         *,
         state: str,
-        is_over: bool,
+        is_over: bool = False,
         ticks: int,
         dropped: int,
         command_age: float,
