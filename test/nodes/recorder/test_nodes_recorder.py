@@ -295,15 +295,8 @@ def test_recorder_composed_run_diverges_log_complete(tmp_path: Path) -> None:
             'composed',
             '--record',
             *ros_arguments(
-                None,
                 plant__wait_for='[controller, trajectory, recorder]',
-                # In real time it would be a fault, which ends the torque.
-                pacing='lockstep',
-                # Without a duration the controller would raise a fault.
-                duration=100.0,
-                # Motors with limits diverge much later.
-                plant__torque_limit='[0.0, 0.0, 0.0, 0.0]',
-                plant__torque_rate_limit='[0.0, 0.0, 0.0, 0.0]',
+                # In real time, or without the duration of the file, it would be a fault.
                 controller__switching='implicit',
                 controller__observer_gain=1.0,
                 controller__model_scale=9.0,
