@@ -69,3 +69,30 @@ def add_overwrite(parser: argparse.ArgumentParser) -> None:
 def add_json(parser: argparse.ArgumentParser) -> None:
     """Add `--json`."""
     parser.add_argument('--json', action='store_true', help='print as JSON')
+
+
+def add_seed(parser: argparse.ArgumentParser, subject: str) -> None:
+    """Add `--seed` of the random numbers of a subject."""
+    text = f'seed of {subject} (%(default)s)'
+    parser.add_argument('--seed', type=whole, default=0, metavar='N', help=text)
+
+
+def add_threads(parser: argparse.ArgumentParser) -> None:
+    """Add `--threads`."""
+    text = 'number of threads (one for each processor)'
+    parser.add_argument('--threads', type=count, default=0, metavar='N', help=text)
+
+
+def count(text: str) -> int:
+    """Return a whole number, at least 1."""
+    number = whole(text)
+    if number < 1:
+        raise argparse.ArgumentTypeError(f"'{text}': expected a whole number >= 1")
+    return number
+
+
+def whole(text: str) -> int:
+    """Return a whole number, at least 0."""
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"'{text}': expected a whole number >= 0")
+    return int(text)

@@ -6,17 +6,21 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 
-from masmc_ros.campaign.campaign import Campaign
+from masmc_ros.campaign.axes import Axis
+from masmc_ros.campaign.campaign import campaign_of
 from masmc_ros.campaign.dataset import arrays
+from masmc_ros.campaign.draws import draw
 from masmc_ros.campaign.engine import carry_out
 from masmc_ros.campaign.summary import label, metric_named, text, values_by_point
-from masmc_ros.cli.arguments import add_file, add_output, add_settings
+from masmc_ros.cli.arguments import add_file, add_output, add_seed, add_settings, add_threads
 from masmc_ros.report.aligned import WIDTH
 from masmc_ros.report.draw.campaign import draws_figure, map_figure, MapAxis
 from masmc_ros.report.draw.style import paper_style, png
 from masmc_ros.report.files import write_file
+from masmc_ros.share import scenario_file
 from tqdm import tqdm
 
 RUNS = 'runs'
@@ -27,18 +31,13 @@ def add_campaign(parser: argparse.ArgumentParser, folder: str) -> None:
     """Add the arguments that all campaigns have; `folder` is the default output."""
     add_file(parser)
     add_settings(parser)
-    parser.add_argument(
-        '--seed', type=whole, default=0, metavar='N', help='seed of the draws (%(default)s)'
-    )
+    add_seed(parser, 'the draws')
     parser.add_argument(
         '--metric', default='', metavar='NAME', help='metric of figures and correlations, a '
         'column of the dataset (RMS error of the first point)',
     )  # fmt: skip
     add_output(parser, folder)
-    parser.add_argument(
-        '--threads', type=count, default=0, metavar='N', help='number of threads (one for each '
-        'processor)',
-    )  # fmt: skip
+    add_threads(parser)
     parser.add_argument(
         '--scheduler', default='', metavar='ADDRESS',
         help='address of a Dask scheduler whose workers compute, such as tcp://host:8786',
@@ -58,23 +57,17 @@ def add_draws(parser: argparse.ArgumentParser, *, is_required: bool) -> None:
     )
 
 
-def count(text: str) -> int:
-    """Return a whole number, at least 1."""
-    number = whole(text)
-    if number < 1:
-        raise argparse.ArgumentTypeError(f"'{text}': expected a whole number >= 1")
-    return number
-
-
-def whole(text: str) -> int:
-    """Return a whole number, at least 0."""
-    if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"'{text}': expected a whole number >= 0")
-    return int(text)
-
-
-def carry_out_and_print(campaign: Campaign, options: argparse.Namespace) -> int:
+def run_campaign(options: argparse.Namespace, axes: Sequence[Axis] = ()) -> int:
     """Compute a campaign, write its dataset, summary and figures, and print the summary."""
+    campaign = campaign_of(
+        scenario_file(options.file),
+        options.set,
+        axes=axes,
+        draws=[draw(text) for text in options.draw],
+        repeats=options.runs,
+        seed=options.seed,
+        sobol=options.sobol,
+    )
     metric = metric_named(campaign, options.metric)
     folder = Path(options.output)
     progress = tqdm(total=campaign.total, unit='run', disable=None)
@@ -88,11 +81,11 @@ def carry_out_and_print(campaign: Campaign, options: argparse.Namespace) -> int:
     contents = {'campaign.txt': text(campaign, columns, metric).encode()}
     with paper_style():
         if campaign.axes:
-            axes = [MapAxis(*axis) for axis in campaign.axes]
+            map_axes = [MapAxis(*axis) for axis in campaign.axes]
             medians = values_by_point(campaign, values) * metric.factor
-            contents['map.png'] = png(map_figure(axes, medians, label(metric)))
+            contents['map.png'] = png(map_figure(map_axes, medians, label(metric)))
         if campaign.draws:
-            drawn = {draw.name: columns[draw.name] for draw in campaign.draws}
+            drawn = {each.name: columns[each.name] for each in campaign.draws}
             figure = draws_figure(drawn, values * metric.factor, columns['lost'], label(metric))
             contents['draws.png'] = png(figure)
     for name, content in contents.items():

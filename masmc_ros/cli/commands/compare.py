@@ -9,7 +9,7 @@ import argparse
 from itertools import chain
 from pathlib import Path
 
-from masmc_ros.cli.arguments import add_file, add_json, add_output, add_settings
+from masmc_ros.cli.arguments import add_file, add_json, add_output, add_settings, count
 from masmc_ros.compare.campaign import outcomes, Task
 from masmc_ros.compare.contenders import contenders, marked
 from masmc_ros.compare.ranking import ranking
@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         '--seeds',
-        type=_count,
+        type=count,
         default=1,
         metavar='N',
         help='runs of each: seed 0 is the scenario, others draw robot, disturbance and noise '
@@ -56,14 +56,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_settings(parser)
     add_output(parser, 'compare')
     add_json(parser)
-
-
-def _count(text: str) -> int:
-    """Return a number of things, at least one."""
-    number = int(text) if text.isdecimal() else 0
-    if number < 1:
-        raise argparse.ArgumentTypeError(f"'{text}': expected a whole number >= 1")
-    return number
 
 
 def run(options: argparse.Namespace) -> int:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from masmc_ros.cli.arguments import add_file, add_overwrite, add_settings
+from masmc_ros.cli.arguments import add_file, add_overwrite, add_seed, add_settings
 from masmc_ros.errors import InputError
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.report.aligned import aligned
@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--duration', type=float, default=30.0, help=text)
     text = 'largest deviation of a joint from its start in rad or m (%(default)s)'
     parser.add_argument('--amplitude', type=float, default=0.5, help=text)
-    parser.add_argument('--seed', type=int, default=0, help='seed of the search (%(default)s)')
+    add_seed(parser, 'the search')
     add_overwrite(parser)
 
 

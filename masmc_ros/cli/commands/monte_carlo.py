@@ -7,10 +7,8 @@ from __future__ import annotations
 
 import argparse
 
-from masmc_ros.campaign.campaign import campaign_of
-from masmc_ros.campaign.draws import draw
-from masmc_ros.cli.campaign_options import add_campaign, add_draws, carry_out_and_print, count
-from masmc_ros.share import scenario_file
+from masmc_ros.cli.arguments import count
+from masmc_ros.cli.campaign_options import add_campaign, add_draws, run_campaign
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -27,12 +25,4 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Compute the runs and print their summary."""
-    campaign = campaign_of(
-        scenario_file(options.file),
-        options.set,
-        draws=[draw(text) for text in options.draw],
-        repeats=options.runs,
-        seed=options.seed,
-        sobol=options.sobol,
-    )
-    return carry_out_and_print(campaign, options)
+    return run_campaign(options)

@@ -26,8 +26,15 @@ from masmc_ros.campaign.tune import (
     variables_of,
 )
 from masmc_ros.campaign.tuned_file import tuned_file
-from masmc_ros.cli.arguments import add_file, add_output, add_settings
-from masmc_ros.cli.campaign_options import add_draws, count, whole
+from masmc_ros.cli.arguments import (
+    add_file,
+    add_output,
+    add_seed,
+    add_settings,
+    add_threads,
+    count,
+)
+from masmc_ros.cli.campaign_options import add_draws
 from masmc_ros.errors import InputError
 from masmc_ros.report.aligned import aligned, WIDTH
 from masmc_ros.report.draw.campaign import front_figure
@@ -72,14 +79,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--evaluations', type=count, default=256, metavar='N',
         help='number of candidates (%(default)s)',
     )  # fmt: skip
-    parser.add_argument(
-        '--seed', type=whole, default=0, metavar='N',
-        help='seed of the draws and of the search (%(default)s)',
-    )  # fmt: skip
-    parser.add_argument(
-        '--threads', type=count, default=0, metavar='N',
-        help='number of threads (one for each processor)',
-    )  # fmt: skip
+    add_seed(parser, 'the draws and of the search')
+    add_threads(parser)
     add_output(parser, 'tune')
 
 
