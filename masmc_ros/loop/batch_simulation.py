@@ -27,7 +27,6 @@ from masmc_ros.loop.closed_loop import (
     plant_start,
     post_update,
     reduced_loop,
-    reduced_loop_by_shortcut,
 )
 from masmc_ros.loop.dry_run import check
 from masmc_ros.loop.reduction import axes_of_points, reduced_signals
@@ -154,18 +153,7 @@ class BatchSimulation:
         for first in range(0, ticks, block):
             count = min(block, ticks - first)
             signals = np.zeros(count, self._now.dtype)
-            closed_loop(
-                self._plant,
-                self._state,
-                self._delayed,
-                self._settings,
-                self._learned,
-                self._now,
-                first,
-                first + count == ticks,
-                self._trajectory.sample(first, count),
-                signals,
-            )
+            closed_loop(*self._ticks(first, count), signals)
             yield signals
 
     def reduce(
@@ -193,18 +181,9 @@ class BatchSimulation:
         plant_start(self._plant, self._state, self._delayed, self._now)
         for first in range(0, ticks, block):
             count = min(block, ticks - first)
-            loop = reduced_loop if self._shortcut is None else reduced_loop_by_shortcut
-            loop(
-                self._plant,
-                self._state,
-                self._delayed,
-                *(() if self._shortcut is None else (self._shortcut,)),
-                self._settings,
-                self._learned,
-                self._now,
-                first,
-                first + count == ticks,
-                self._trajectory.sample(first, count),
+            reduced_loop(
+                *self._ticks(first, count),
+                self._shortcut,
                 reduced,
                 points,
                 settling,
@@ -214,6 +193,21 @@ class BatchSimulation:
             if (reduced['lost_tick'] >= 0).all():
                 break
         return reduced
+
+    def _ticks(self, first: int, count: int) -> tuple[Any, ...]:
+        """Return the arguments of a kernel for ticks `first` to `first + count - 1`."""
+        assert self.timing.last is not None
+        return (
+            self._plant,
+            self._state,
+            self._delayed,
+            self._settings,
+            self._learned,
+            self._now,
+            first,
+            first + count == self.timing.last + 1,
+            self._trajectory.sample(first, count),
+        )
 
     @property
     def estimate(self) -> NDArray[np.float64]:

@@ -361,6 +361,7 @@ def reduced_loop(
     first: int,
     final: bool,
     reference: Any,
+    shortcut: Any,
     reduced: Any,
     points: Any,
     settling: Any,
@@ -374,6 +375,9 @@ def reduced_loop(
     ----------
     plant_settings, plant_memory, delay_line, settings, memory, signals, first, final, reference
         See `closed_loop`.
+    shortcut
+        The settings with the shortcut of the reaching term, see
+        `loop.control.control_by_shortcut`, or None. The results are the same.
     reduced, points, settling, begin, end
         See `loop.reduction.reduce_tick`.
 
@@ -381,53 +385,16 @@ def reduced_loop(
     plant_constants, plant_state = copied(plant_settings[0]), copied(plant_memory[0])
     gains, control_state, row = copied(settings[0]), copied(memory[0]), copied(signals[0])
     sums = copied(reduced[0])
+    # The compiler removes the branches of a missing shortcut.
+    if shortcut is not None:
+        fast_gains, state_before = copied(shortcut[0]), copied(memory[0])
     n = len(reference)
     for k in range(n):
         write_reference(row, reference[k])
-        control(gains, control_state, row)
-        reduce_tick(sums, row, points, settling, first + k, begin, end)
-        if final and k == n - 1:
-            break
-        advance(plant_constants, plant_state, delay_line, first + k, row, False)
-        observe(plant_constants, plant_state, delay_line, first + k + 1, row)
-    copy_to(plant_state, plant_memory[0])
-    copy_to(control_state, memory[0])
-    copy_to(row, signals[0])
-    copy_to(sums, reduced[0])
-
-
-@kernel_of_threads
-def reduced_loop_by_shortcut(
-    plant_settings: Any,
-    plant_memory: Any,
-    delay_line: Any,
-    shortcut: Any,
-    settings: Any,
-    memory: Any,
-    signals: Any,
-    first: int,
-    final: bool,
-    reference: Any,
-    reduced: Any,
-    points: Any,
-    settling: Any,
-    begin: int,
-    end: int,
-) -> None:
-    """
-    Simulate ticks as `reduced_loop` does, with the same results.
-
-    `shortcut` are the settings with the shortcut of the reaching term, see
-    `loop.control.control_by_shortcut`; the other arguments are those of `reduced_loop`.
-    """
-    plant_constants, plant_state = copied(plant_settings[0]), copied(plant_memory[0])
-    gains, control_state, row = copied(settings[0]), copied(memory[0]), copied(signals[0])
-    fast_gains, state_before = copied(shortcut[0]), copied(memory[0])
-    sums = copied(reduced[0])
-    n = len(reference)
-    for k in range(n):
-        write_reference(row, reference[k])
-        control_by_shortcut(fast_gains, gains, control_state, state_before, row)
+        if shortcut is None:
+            control(gains, control_state, row)
+        else:
+            control_by_shortcut(fast_gains, gains, control_state, state_before, row)
         reduce_tick(sums, row, points, settling, first + k, begin, end)
         if final and k == n - 1:
             break
