@@ -10,7 +10,7 @@ scheduler gives the parts of a worker that has died to another one.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable
 from importlib.metadata import version
 from itertools import islice
 import platform
@@ -97,7 +97,7 @@ class Cluster:
                     )
         return sum(threads.values())
 
-    def computed(self, campaign: Campaign, parts: Iterable[Part]) -> Iterator[Rows]:
+    def computed(self, campaign: Campaign, parts: Iterable[Part]) -> Generator[Rows, None, None]:
         """Yield the rows of parts in the order of completion."""
         waiting, client = iter(parts), self._client
 

@@ -5,14 +5,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import closing
 from pathlib import Path
 
 from masmc_ros.campaign.campaign import Campaign
 from masmc_ros.campaign.dataset import Dataset
 from masmc_ros.campaign.part import LANES, Rows
-from masmc_ros.campaign.threads import computed, Part, processors
+from masmc_ros.campaign.threads import computed, processors
 from masmc_ros.report.files import check_folder
 
 LARGEST_PART = 512
@@ -20,8 +20,6 @@ LARGEST_PART = 512
 
 _PARTS = 8
 """Number of parts of each processor of a small campaign."""
-
-Computer = Callable[[Campaign, Iterable[Part]], Iterator[Rows]]
 
 
 def part_size(total: int, workers: int) -> int:
@@ -75,10 +73,10 @@ def carry_out(
 
 
 def _write(
-    dataset: Dataset, results: Iterator[Rows], advance: Callable[[int], object]
+    dataset: Dataset, results: Generator[Rows, None, None], advance: Callable[[int], object]
 ) -> None:
     """Write the rows of all parts, in this process alone."""
-    with closing(results):  # type: ignore[type-var]
+    with closing(results):
         for rows in results:
             dataset.write(rows)
             advance(len(rows['run']))

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from itertools import islice
 import os
@@ -25,7 +25,9 @@ def processors() -> int:
     return os.cpu_count() or 1
 
 
-def computed(campaign: Campaign, parts: Iterable[Part], threads: int) -> Iterator[Rows]:
+def computed(
+    campaign: Campaign, parts: Iterable[Part], threads: int
+) -> Generator[Rows, None, None]:
     """
     Yield the rows of parts in the order of completion.
 

@@ -121,6 +121,7 @@ class _LaneModel(models.StructModel):
 class _Attributes(AttributeTemplate):
     key = LaneType
 
+    # In Numba's class this attribute is NotImplemented.
     def generic_resolve(self, kind: LaneType, name: str) -> Any:  # type: ignore[override]
         if name not in kind.record.fields:
             raise TypingError(_unknown(name, kind.record.fields))

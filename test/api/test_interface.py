@@ -41,6 +41,7 @@ def test_unknown_name_raises() -> None:
     with pytest.raises(InputError, match="unknown parameter 'k_s9'"):
         masmc.simulate(PAPER, k_s9=5.0)
     with pytest.raises(AttributeError, match="no attribute 'simulat'"):
+        # The misspelt name is the subject of the test.
         _ = masmc.simulat  # type: ignore[attr-defined]
 
 

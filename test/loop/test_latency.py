@@ -16,6 +16,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 sys.path.append(str(ROOT / 'tools'))
 
+# tools/ is no package: its folder has to be in the path first.
 from latency_map import error_of, growth  # noqa: E402
 
 SMC = ('controller.law=smc', 'controller.switching=implicit')

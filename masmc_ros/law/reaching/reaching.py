@@ -82,11 +82,6 @@ NEEDS_FULL = Field('needs_full', description='Not 0 if a shortcut does not apply
 """Memory of a term with a shortcut."""
 
 
-def switchings() -> tuple[str, ...]:
-    """Return the choices of `switching`."""
-    return tuple(name for name in _KNOWN if not name.endswith(SHORTCUT))
-
-
 def shortcut_of(name: str) -> str:
     """Return the name of the shortcut of a term; '' without one."""
     return name + SHORTCUT if name + SHORTCUT in _KNOWN else ''
