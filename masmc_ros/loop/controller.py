@@ -61,6 +61,8 @@ class Controller:
         then the rates of the joints that do not move it.
     by_velocity
         True for joints (joints) with a commanded velocity.
+    is_compensated
+        True if latency is compensated.
 
     """
 
@@ -96,7 +98,7 @@ class Controller:
         self._plug_in: PlugInLaw | None = None
         self._law: Law = registry.OF_RATES
         self._kernel: Callable[..., Any] | None = None
-        self._is_compensated = records.is_compensated(values)
+        self.is_compensated = records.is_compensated(values)
         self._stamp_age = 0.0
         self.memory = self._new_memory()
         self._choose(values)
@@ -120,11 +122,6 @@ class Controller:
         return commanded
 
     @property
-    def command(self) -> Array:
-        """Return the velocities and torques (joints) for `SimulatedRobot.advance`."""
-        return np.where(self.by_velocity, self.velocity_command, self.torque)
-
-    @property
     def has_limits(self) -> bool:
         """Return True if torques or their rates are limited."""
         return any(self.values['torque_limit']) or any(self.values['torque_rate_limit'])
@@ -146,7 +143,7 @@ class Controller:
         self.memory['velocity_command'] = 0.0
         self.velocity_command[:] = 0.0
         self.memory['estimator_initialised'] = 0
-        if self._is_compensated:
+        if self.is_compensated:
             self.memory['history_initialised'] = 0
 
     def rates(self, velocity: Array) -> Array:
@@ -171,7 +168,7 @@ class Controller:
         """
         self._void()
         self.memory['left_out'] += periods
-        if self._is_compensated:
+        if self.is_compensated:
             self.memory['skipped'] += periods
 
     def reset_adaptation(self) -> None:
@@ -191,7 +188,7 @@ class Controller:
         theta_hat persists, within the bounds of an active projection. The disturbance estimate
         restarts at zero if it is enabled or disabled, or if the implicit law becomes active.
         """
-        before, law, was_compensated = self.values, self._law, self._is_compensated
+        before, law, was_compensated = self.values, self._law, self.is_compensated
         changed = {**before, **values}
         chooses = any(changed[name] != before[name] for name in ('law', 'switching'))
         if chooses or records.is_compensated(changed) != was_compensated:
@@ -200,20 +197,15 @@ class Controller:
         switched = changed['switching'] != before['switching'] or law.uses_switching != (
             self._law.uses_switching
         )
-        switched |= self._is_compensated != was_compensated
+        switched |= self.is_compensated != was_compensated
         if switched or (changed['observer_gain'] == 0.0) != (before['observer_gain'] == 0.0):
             self.memory['disturbance'] = 0.0
             self.memory['predicted'] = np.nan
-        if self._is_compensated and not was_compensated:
+        if self.is_compensated and not was_compensated:
             self.memory['drift'] = 0.0
             self.memory['drift_predicted'] = np.nan
         if changed['velocity_source'] != before['velocity_source']:
             self.memory['estimator_initialised'] = 0
-
-    @property
-    def is_compensated(self) -> bool:
-        """Return True if latency is compensated."""
-        return self._is_compensated
 
     def set_lateness(self, lateness: float) -> None:
         """Set by how much the next torque acts later in s after its state than `latency`."""
@@ -227,7 +219,7 @@ class Controller:
     def set_stamp_age(self, age: float) -> None:
         """Set the time in s from the measurement of a state to its stamp."""
         self._stamp_age = age
-        if self._is_compensated:
+        if self.is_compensated:
             fill(self.settings, 'stamp_age', age)
 
     @property
@@ -324,12 +316,12 @@ class Controller:
         take_over(memory, self.memory)
         # An invalid law has raised by now, and the active one is unchanged.
         self._law, self._plug_in, self._kernel = law, plug_in, None
-        self._is_compensated = compensated
+        self.is_compensated = compensated
         self._of_tick_before = records.of_tick_before(law, compensated=compensated)
         self.settings, self._read, self.memory = settings, read, memory
 
     def _new_memory(self) -> records.Records:
-        return records.law_memory(self.mechanism, self._law, compensated=self._is_compensated)
+        return records.law_memory(self.mechanism, self._law, compensated=self.is_compensated)
 
     def _apply(self, values: Mapping[str, Any]) -> None:
         self.values = dict(values)
@@ -339,7 +331,7 @@ class Controller:
 
     def _tick_plug_in(self, law: PlugInLaw) -> bool:
         signals = self.signals
-        if self._is_compensated:
+        if self.is_compensated:
             signals = self._predicted
             predict_state(self.settings, self.memory, self.signals, signals)
         elif self.values['velocity_source'] == ESTIMATED_RATES:
@@ -362,9 +354,9 @@ class Controller:
                     f'{array.size} finite numbers'
                 )
             array[:] = checked
-        if self._is_compensated:
+        if self.is_compensated:
             reduce_torque(self.settings, self.memory, self.signals, signals)
         limit_torque(self.settings, self.memory, self.signals)
-        self.error[:] = signals['error'][0, :, 0] if self._is_compensated else inputs.error
+        self.error[:] = signals['error'][0, :, 0] if self.is_compensated else inputs.error
         self.surface[:] = inputs.surface
         return inputs.singular

@@ -269,10 +269,12 @@ class SimulatedRobot:
         self.position, self.velocity, self.true_position, self.true_velocity, self.applied = (
             self.signals[name][0, :, 0] for name in OF_PLANT if name != 'age'
         )
-        self._torque_command, self._rate_command = (
-            self.signals[name][0, :, 0] for name in ('torque', 'rates')
-        )
         self.by_velocity = by_velocity(values, self.mechanism)
+        self._commands = tuple(
+            (self.signals[name][0, :, 0], slice(None) if mask.all() else mask)
+            for name, mask in (('rates', self.by_velocity), ('torque', ~self.by_velocity))
+            if mask.any()
+        )
         self._move: Callable[..., bool] | None = None
         self._hold: Callable[..., bool] | None = None
         self.tick = 0
@@ -299,9 +301,15 @@ class SimulatedRobot:
                 'expected finite numbers, and angles that have a sine'
             )
 
+    def compile(self) -> None:
+        """Compile or load the kernels by two ticks without effect, and return to t = 0."""
+        for command in (np.zeros(len(self.mechanism.joints)), None):
+            self.advance(command)
+        self.reset()
+
     def _take(self, command: NDArray[np.float64]) -> None:
-        self._rate_command[:] = np.where(self.by_velocity, command, 0.0)
-        self._torque_command[:] = np.where(self.by_velocity, 0.0, command)
+        for signal, entries in self._commands:
+            signal[entries] = command[entries]
 
     def advance(self, command: NDArray[np.float64] | None) -> None:
         """

@@ -221,7 +221,8 @@ class Simulation:
                 row[name] = plant.signals[0][name]
             contact[k] = plant.contact
             if not (final and k == len(signals) - 1):
-                is_commanded = is_active or self._stop.commands
-                command = np.where(plant.by_velocity, row['rates'][:, 0], row['torque'][:, 0])
-                plant.advance(command if is_commanded else None)
+                command = None
+                if is_active or self._stop.commands:
+                    command = np.where(plant.by_velocity, row['rates'][:, 0], row['torque'][:, 0])
+                plant.advance(command)
         return False

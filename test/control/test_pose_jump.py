@@ -84,7 +84,8 @@ def run(*, ticks: int = 7000, jump: float = 0.0, approaches: bool = True) -> Res
         true[0] += jump if k >= AT else 0.0
         result.error[k] = robot.task_positions(true[None])[0] - samples[k, :4]
         result.torque[k], result.velocity[k] = controller.torque, plant.true_velocity
-        plant.advance(controller.command)
+        command = np.where(plant.by_velocity, controller.velocity_command, controller.torque)
+        plant.advance(command)
     return result
 
 

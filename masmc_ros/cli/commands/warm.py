@@ -20,7 +20,6 @@ from masmc_ros.params.scenario import load_scenario
 from masmc_ros.report.measure.labels import law_label
 from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.share import scenario_file
-import numpy as np
 
 _TICKS = 3
 """Ticks of a run that loads or compiles the closed loop."""
@@ -72,6 +71,5 @@ def _load(values: Mapping[str, Mapping[str, Any]]) -> None:
     for _ in Simulation(values).run():
         pass
     plant = plant_of(values['plant'], values['plant']['control_period'])
-    for command in (np.zeros(len(plant.mechanism.joints)), None):
-        plant.advance(command)
+    plant.compile()
     code_for(plant.mechanism, values['controller']).load()

@@ -38,7 +38,6 @@ from masmc_ros.plant.plant_core import (
     PublishAgain,
 )
 from masmc_ros.plant.real_time import RealTime
-import numpy as np
 from rclpy.context import Context
 from rclpy.timer import Timer
 from std_srvs.srv import SetBool, Trigger
@@ -55,10 +54,8 @@ class PlantNode(SuiteNode):
         self._timing = Timing.from_values(self.values)
         self._robot = plant_of(self.values, self._timing.period)
         self._wait_for = [name for name in self.values['wait_for'] if name]
-        # Two ticks without effect: they compile the kernels, so the first real tick is not late.
-        for command in (np.zeros(len(self._robot.mechanism.joints)), None):
-            self._robot.advance(command)
-        self._robot.reset()
+        # The first tick must not be late.
+        self._robot.compile()
         self._output = StateOutput(self._robot, self._timing, self.values)
         self._rejected_messages = RejectedMessages(self.log)
         self._input = CommandInput(self.values, self._rejected_messages)
