@@ -33,6 +33,17 @@ class Lockstep:
     def __init__(self, tester: Peer) -> None:
         self.tester = tester
         self.stamps = tester.watch_time()
+        self.void = 0
+        self._command = EffortCdr()
+        tester.subscribe(Float64MultiArray, 'effort_commands', self._on_command, raw=True)
+
+    def _on_command(self, raw: bytes) -> None:
+        assert self._command.load(raw)
+        self.void = self.void + 1 if self._command.is_void else 0
+
+    def wait_for_void_commands(self, count: int) -> None:
+        """Wait for that many void commands in a row; odometry may still be in the queue."""
+        self.tester.until(lambda: self.void >= count, 'void commands')
 
     def wait_for_progress(self, seconds: float) -> None:
         start = self.stamps[-1]
@@ -75,7 +86,7 @@ def test_lockstep_enable_and_set_point_run_reproducible(
         rejection = 'reference rejected: a set-point while a trajectory runs'
         tester.until(lambda: nodes['controller'].logged('ERROR', rejection), rejection)
         run.enable(False)
-        run.wait_for_progress(1.5)
+        run.wait_for_void_commands(1200)
         run.enable(True)
         assert set(started.wait().values()) == {0}, started.output()
         assert 'Traceback' not in started.output()
