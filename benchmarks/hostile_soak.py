@@ -434,7 +434,7 @@ class HostileRun:
                 self._note(text)
 
     def _kill_one(self) -> None:
-        waiting = {name for _, name in self._again}
+        waiting = {name for _, name in self._restarts}
         names = [name for name in KILLED if name not in waiting]
         if names:
             name = self._source.random.choice(names)
@@ -443,7 +443,7 @@ class HostileRun:
 
     def _check(self, now: float) -> None:
         """Check that no process has ended and that no memory has grown."""
-        waiting = {name for _, name in self._again}
+        waiting = {name for _, name in self._restarts}
         seconds = self.options.seconds
         for name, node in self.nodes.items():
             if name in waiting:

@@ -56,8 +56,12 @@ def measure(rate: int, seconds: float) -> str:
         executor = SingleThreadedExecutor(context=context)
         node = Node('observer', context=context)
         qos = subscription_qos(depth=1000)
-        node.create_subscription(JointState, 'joint_states', on_state, qos, raw=True)
-        node.create_subscription(Float64MultiArray, 'effort_commands', on_command, qos, raw=True)
+        callbacks: tuple[tuple[type, str, Any], ...] = (  # rclpy's types know one argument only
+            (JointState, 'joint_states', on_state),
+            (Float64MultiArray, 'effort_commands', on_command),
+        )
+        for message_type, topic, callback in callbacks:
+            node.create_subscription(message_type, topic, callback, qos, raw=True)
         executor.add_node(node)
         limit = time.monotonic() + 30.0
         while not (states and commands) and time.monotonic() < limit:
