@@ -56,8 +56,13 @@ KILLED = ('trajectory', 'controller', 'recorder')
 LIMITS = (6.0, 6.0, 20.0, 10.0)
 """Torque limits in N·m with which the paper's robot cannot diverge for any command delay."""
 
-_FIXED = ('torque_limit', 'boundary_layer')
-"""Parameters that no valid request changes: a thinner layer needs a shorter control period."""
+_FIXED = ('torque_limit', 'boundary_layer', 'latency', 'motor_lag', 'runaway_detection')
+"""
+Parameters that no valid request changes.
+
+A thinner layer needs a shorter control period, and a latency that the robot does not have is
+unstable. Without detection of a run-away, such a robot has no limit of speed.
+"""
 
 _SWITCHING = ('saturation', 'tanh', 'sigmoid')
 """Switching terms that are stable at the control period; `sign` has no layer."""
@@ -421,6 +426,7 @@ class HostileRun:
             text = client.valid_change(name)
             if text is not None:
                 self._note(text)
+                self.changes[' '.join(text.split()[:2])] = self.actions[-1]
 
     def _repair(self, client: HostileClient) -> None:
         """Resume the plant, clear a fault and enable the controller."""
@@ -487,6 +493,9 @@ class HostileRun:
     def print_failure(self, failure: BaseException) -> None:
         """Print the failure, the preceding actions and the last lines of the nodes."""
         print(f'FAILED: {failure}; seed {self.options.seed}')
+        print('changed parameters:')
+        for when, text in self.changes.values():
+            print(f'  {when:9.3f} s  {text}')
         print('the last actions:')
         for when, text in self.actions:
             print(f'  {when:9.3f} s  {text}')

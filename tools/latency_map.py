@@ -15,6 +15,7 @@ import math
 from pathlib import Path
 
 from masmc_ros.errors import InputError
+from masmc_ros.law.parts.delay_compensation import HORIZON
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.params.scenario import load_scenario
 import numpy as np
@@ -53,7 +54,7 @@ def error_of(latency: int, mass: float) -> float:
 
 def growth(latency: int, mass: float, assumed: int = ASSUMED) -> float:
     """
-    Return the spectral radius of the linear loop of one axis by rule F.
+    Return the spectral radius of the linear loop of one axis with the gains of the rule.
 
     States are the true velocities and the commanded accelerations of the last periods, d and
     delta.
@@ -62,8 +63,8 @@ def growth(latency: int, mass: float, assumed: int = ASSUMED) -> float:
     rows = np.eye(2 * count + 3)
     velocity, command = rows[:count + 1], rows[count:2 * count + 1]
     gain = min(0.25, 1.0 / assumed)
-    slope_gain = 0.25 * gain * gain
-    horizon = 2 * max(assumed, 1) * PERIOD
+    slope_gain = 0.3 * gain * gain
+    horizon = HORIZON * max(assumed, 1) * PERIOD
     rate = (velocity[latency] - velocity[latency + 1]) / PERIOD
     f = rate - command[1 + assumed] - rows[-2]
     slope = rows[-1] + slope_gain * f

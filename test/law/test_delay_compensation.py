@@ -130,9 +130,9 @@ def test_rule_sets_horizon_and_gain() -> None:
         horizon_and_gain: tuple[float, float] = rule_of(settings)
         return horizon_and_gain
 
-    assert rule(latency=0.01) == pytest.approx((0.02, 0.1))
-    assert rule(latency=0.006, motor_lag=0.004) == pytest.approx((0.02, 0.1))
-    assert rule(latency=0.0005) == pytest.approx((0.002, 0.25))
+    assert rule(latency=0.01) == pytest.approx((0.015, 0.1))
+    assert rule(latency=0.006, motor_lag=0.004) == pytest.approx((0.015, 0.1))
+    assert rule(latency=0.0005) == pytest.approx((0.0015, 0.25))
     explicit = {'compensation.horizon': 0.003, 'compensation.gain': 0.4}
     assert rule(latency=0.01, **explicit) == pytest.approx((0.003, 0.4))
 

@@ -53,6 +53,13 @@ Any constant error of this size is tolerated. Stamps can deceive: a simulated pl
 itself continues from its last tick.
 """
 
+HORIZON = 1.5
+"""
+Horizon h in latencies.
+
+A smaller one is more accurate and tolerates smaller errors of latency and masses.
+"""
+
 LONGEST_STEP = 0.005
 """Longest step of the model in s."""
 
@@ -85,8 +92,8 @@ PARAMETERS = (
     Parameter(
         'compensation.horizon',
         0.0,
-        'Time h in which the implicit law reaches the surface, with latency; 0: two latencies, at '
-        'least two periods',
+        'Time h in which the implicit law reaches the surface, with latency; 0: 1.5 latencies, at '
+        'least 1.5 periods',
         unit='s',
         minimum=0.0,
         read_only=False,
@@ -102,7 +109,7 @@ PARAMETERS = (
     ),
     Parameter(
         'compensation.slope',
-        0.25,
+        0.3,
         'Gain beta_2 of the slope of the disturbance estimate, as a multiple of beta squared',
         minimum=0.0,
         maximum=1.0,
@@ -211,7 +218,7 @@ def _horizon(settings: Any) -> float:
     """Return h in s."""
     chosen = settings.compensation_horizon
     latency, period = _usual_latency(settings), settings.period
-    of_rule = 2.0 * max(latency, period) if latency > 0.0 else period
+    of_rule = HORIZON * max(latency, period) if latency > 0.0 else period
     return chosen if chosen > 0.0 else of_rule
 
 
