@@ -282,6 +282,7 @@ class HostileRun:
         self.options = options
         self.nodes: dict[str, NodeRun] = {}
         self.actions: deque[tuple[float, str]] = deque(maxlen=20)
+        self.changes: dict[str, tuple[float, str]] = {}
         self.trace: deque[str] = deque(maxlen=_TRACE)
         self.counts: dict[str, int] = {}
         self._source = RandomInput(options.seed, is_tame=True)
