@@ -132,7 +132,8 @@ class Options:
     period
         control period in s.
     wheel_speed
-        largest speed of a wheel in rad/s.
+        largest speed of a wheel in rad/s. A run-away is a fault from 48 rad/s on, and 6 N·m add
+        27 rad/s in the 0.1 s that the plant waits for a late command.
     arm_speed
         largest speed of a joint of the arm in rad/s.
     laws
@@ -143,7 +144,7 @@ class Options:
     seconds: float
     seed: int
     period: float = 0.002
-    wheel_speed: float = 60.0
+    wheel_speed: float = 75.0
     arm_speed: float = 25.0
     laws: tuple[str, ...] = ('rasmc', 'smc')
 

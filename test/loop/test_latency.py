@@ -44,7 +44,7 @@ def delayed(latency: float, assumed: float | None = None) -> tuple[str, ...]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ('latency', 'largest'), [(0.002, 0.06), (0.005, 0.15), (0.01, 0.55), (0.02, 3.8)]
+    ('latency', 'largest'), [(0.002, 0.05), (0.005, 0.1), (0.01, 0.4), (0.02, 2.4)]
 )
 def test_planar_robot_by_rule_has_documented_error(latency: float, largest: float) -> None:
     error, variation = result('paper.yaml', *SMC, *delayed(latency))
@@ -88,15 +88,14 @@ def test_planar_robot_wrong_latency_error_below_one_mm(assumed: float) -> None:
     ],
 )
 def test_planar_robot_other_effects_error_below_one_mm(effect: tuple[str, ...]) -> None:
-    assert result('paper.yaml', *SMC, 'controller.latency=0.01', *effect)[0] < 0.6
+    assert result('paper.yaml', *SMC, 'controller.latency=0.01', *effect)[0] < 0.4
 
 
 @pytest.mark.slow
 def test_planar_robot_100_hz_estimate_halves_error() -> None:
     at_100_hz = (*SMC, 'control_period=0.01')
     assert result('paper.yaml', *at_100_hz, 'controller.compensation.gain=0.5')[0] < 1.3
-    slope = 'controller.compensation.slope=0.4'
-    assert result('paper.yaml', *at_100_hz, slope, *delayed(0.01))[0] < 3.5
+    assert result('paper.yaml', *at_100_hz, *delayed(0.01))[0] < 3.5
 
 
 @pytest.mark.slow
