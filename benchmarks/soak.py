@@ -93,7 +93,7 @@ def main() -> int:
     hostile.add_argument(
         '--wheel-speed',
         type=float,
-        default=60.0,
+        default=75.0,
         help='largest speed of a wheel in rad/s (%(default)s)',
     )
     hostile.add_argument(

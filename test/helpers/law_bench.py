@@ -16,8 +16,10 @@ from typing import Any
 
 from helpers.lagrangian import matrices
 from helpers.robots import Array, DEFAULT
+from masmc_ros.loop.closed_loop import control_tick
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulation import Simulation
+from masmc_ros.numerics.compiled import interpreted
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.robot import robot_of
 import numpy as np
@@ -143,9 +145,15 @@ def at_random(seed: int, law: str, **values: Any) -> tuple[Controller, Instant]:
 
 
 def tick(controller: Controller, instant: Instant) -> Array:
-    """Return the torque (4) that the law requests, in N·m."""
+    """
+    Return the torque (4) that the law requests, in N·m.
+
+    The formulas run as plain Python, which has the same bits and compiles nothing.
+    """
     rates = matrices(DEFAULT, instant.position, instant.v).null_space @ instant.v
-    controller.tick(instant.position, rates, instant.desired.ravel())
+    inputs = instant.position, rates, instant.desired.ravel()
+    with interpreted(), np.errstate(all='ignore'):
+        control_tick(controller.settings, controller.memory, controller.signals, *inputs)
     return controller.raw_torque.copy()
 
 

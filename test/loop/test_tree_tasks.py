@@ -41,6 +41,7 @@ def signals(file: Path, *settings: str) -> dict[str, NDArray[Any]]:
     return {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('switching', ['tanh', 'implicit'])
 def test_tree_run_paper_robot_equals_closed_form(
     switching: str, tmp_path: Path

@@ -92,8 +92,7 @@ def test_nodes_random_input_stay_alive(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('seed', [2, 3])
-@pytest.mark.parametrize('pacing', ['realtime', 'lockstep'])
+@pytest.mark.parametrize(('pacing', 'seed'), [('realtime', 2), ('lockstep', 3)])
 def test_nodes_long_random_input_stay_alive(pacing: str, seed: int, tmp_path: Path) -> None:
     survive(tmp_path, seed=seed, seconds=60.0, pacing=pacing)
 
