@@ -77,6 +77,7 @@ setup(
         'mujoco': ['mujoco-core>=4'],
         'parquet': ['pyarrow'],
         'campaigns': ['pyarrow', 'scipy'],
+        'notebook': ['pyarrow', 'scipy', 'xarray'],
         'cluster': ['distributed', 'pyarrow', 'scipy'],
         'tune': ['optuna', 'scipy'],
         'test': [
@@ -94,6 +95,7 @@ setup(
             'sybil',
             'sympy',
             'websockets',
+            'xarray',
         ],
         # Robots and an oracle for the tests that take long: 1.3 GB.
         'robots': ['example-robot-data>=6', 'hello-robot-stretch-urdf', 'pin>=4'],

@@ -9,9 +9,15 @@ from typing import Any
 __version__ = '0.1.0'
 
 _INTERFACE = {
+    'load': 'masmc_ros.api.scenario',
     'simulate': 'masmc_ros.api.simulate',
+    'compare_laws': 'masmc_ros.api.comparison',
     'sweep': 'masmc_ros.api.campaigns',
     'monte_carlo': 'masmc_ros.api.campaigns',
+    'tune': 'masmc_ros.api.tuning',
+    'read': 'masmc_ros.api.catalogue',
+    'laws': 'masmc_ros.api.catalogue',
+    'load_robot': 'masmc_ros.api.catalogue',
 }
 """Functions of the Python interface and their modules, imported on demand: nodes start without."""
 

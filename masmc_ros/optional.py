@@ -27,6 +27,7 @@ PACKAGES = {
     'pyarrow': 'pyarrow',
     'rosbags': 'rosbags',
     'scipy': 'scipy',
+    'xarray': 'xarray',
     'zstandard': 'zstandard',
 }
 """Names of the modules for pip."""

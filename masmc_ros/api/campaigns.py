@@ -10,19 +10,18 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from masmc_ros.api.settings import settings_of
+from masmc_ros.api.scenario import load, Scenario
 from masmc_ros.campaign.axes import axis
 from masmc_ros.campaign.campaign import Campaign, campaign_of
 from masmc_ros.campaign.draws import draw as parsed_draw
 from masmc_ros.campaign.engine import carry_out
 from masmc_ros.params.text import yaml_text
-from masmc_ros.share import scenario_file
 import pyarrow as pa
 from tqdm import tqdm
 
 
 def sweep(
-    scenario: str,
+    scenario: str | Scenario,
     vary: Mapping[str, str | Sequence[Any]],
     *,
     draw: Mapping[str, str] | None = None,
@@ -40,8 +39,8 @@ def sweep(
 
     Parameters
     ----------
-    scenario
-        parameter file, or name of an installed one.
+    scenario, settings, values
+        as in `load`.
     vary
         values of each axis: a list, or LOW:HIGH:COUNT or LOW:HIGH:COUNT:log.
     draw
@@ -52,8 +51,6 @@ def sweep(
         seed of the draws.
     sobol
         whether the draws are points of a Sobol sequence.
-    settings, values
-        as in `simulate`.
     output
         folder of the dataset, which an interrupted campaign continues; None: no files.
     threads
@@ -71,10 +68,10 @@ def sweep(
         If a name is unknown or a value out of range.
 
     """
-    file = scenario_file(scenario)
+    loaded = load(scenario, settings, **values)
     campaign = campaign_of(
-        file,
-        settings_of(file, settings, values),
+        loaded.file,
+        loaded.settings,
         axes=[axis(f'{name}={_text(entries)}') for name, entries in vary.items()],
         draws=[parsed_draw(f'{name}={text}') for name, text in (draw or {}).items()],
         repeats=runs,
@@ -85,7 +82,7 @@ def sweep(
 
 
 def monte_carlo(
-    scenario: str,
+    scenario: str | Scenario,
     draw: Mapping[str, str],
     *,
     runs: int = 1000,

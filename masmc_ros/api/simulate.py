@@ -9,16 +9,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from masmc_ros.api.settings import settings_of
+from masmc_ros.api.plots import Plots
+from masmc_ros.api.scenario import load, Scenario
 from masmc_ros.loop.signals import Signal, SIGNALS
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.numerics.aliases import Array
-from masmc_ros.params.scenario import activation, load_scenario
+from masmc_ros.params.scenario import activation
 from masmc_ros.report.measure.labels import law_label
 from masmc_ros.report.measure.metrics import Metrics, Samples
 from masmc_ros.report.measure.table import text_table
 from masmc_ros.robot.declaration import Mechanism
-from masmc_ros.share import scenario_file
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,7 +33,7 @@ class SimulatedRun:
     Attributes
     ----------
     scenario
-        checked values by node and name.
+        parameter file and changed values.
     time
         (n) s.
     signals
@@ -45,7 +45,7 @@ class SimulatedRun:
 
     """
 
-    scenario: Mapping[str, Mapping[str, Any]]
+    scenario: Scenario
     time: Array
     signals: Mapping[str, NDArray[Any]]
     metrics: Metrics
@@ -63,7 +63,17 @@ class SimulatedRun:
 
     def __repr__(self) -> str:
         """Return the table of the metrics."""
-        return text_table({law_label(self.scenario['controller']): self.metrics})
+        return text_table({self.label: self.metrics})
+
+    @property
+    def label(self) -> str:
+        """Return the law with its switching term, as in tables and figures."""
+        return law_label(self.scenario.values['controller'])
+
+    @property
+    def plot(self) -> Plots:
+        """Return the figures of the run."""
+        return Plots(self.label, self.time, self.error, self.metrics)
 
     def components(self, signal: str) -> tuple[str, ...]:
         """Return the names of the components of a signal, such as joints or task axes."""
@@ -90,21 +100,32 @@ class SimulatedRun:
                 columns['_'.join(filter(None, (name, component)))] = np.ascontiguousarray(column)
         return pa.table(columns)
 
+    def to_xarray(self) -> Any:
+        """Return all signals as an xarray dataset over time, with units and component names."""
+        import xarray
+
+        data = {}
+        for name, values in self.signals.items():
+            dimensions = ['time', f'{name}_component']
+            unit, text = _SIGNALS[name].unit, _SIGNALS[name].description
+            coordinates = {'time': self.time, dimensions[1]: list(self.components(name))}
+            attributes = {'units': unit, 'long_name': text}
+            data[name] = xarray.DataArray(values, coordinates, dimensions, attrs=attributes)
+        dataset = xarray.Dataset(data)
+        dataset['time'].attrs['units'] = 's'
+        return dataset
+
 
 def simulate(
-    scenario: str = 'paper', settings: Mapping[str, Any] | None = None, **values: Any
+    scenario: str | Scenario = 'paper', settings: Mapping[str, Any] | None = None, **values: Any
 ) -> SimulatedRun:
     """
     Compute a run, as `masmc simulate` does.
 
     Parameters
     ----------
-    scenario
-        parameter file, or name of an installed one.
-    settings
-        values by name as in `--set`: `{'plant.robot.link_2_mass': 1.2}`.
-    values
-        the same by the name without its node: `k_s1=150`; two underscores stand for a dot.
+    scenario, settings, values
+        as in `load`.
 
     Returns
     -------
@@ -116,8 +137,8 @@ def simulate(
         If a name is unknown or a value out of range, or if the run diverges.
 
     """
-    file = scenario_file(scenario)
-    checked = load_scenario(file, settings_of(file, settings, values))
+    loaded = load(scenario, settings, **values)
+    checked = loaded.values
     simulation = Simulation(checked, activation(checked))
     blocks = list(simulation.run())
     signals = {
@@ -135,7 +156,7 @@ def simulate(
         estimate=signals['estimate'][-1:],
     )
     time = np.arange(len(error), dtype=np.float64) * simulation.timing.period
-    return SimulatedRun(checked, time, signals, samples.metrics(), mechanism)
+    return SimulatedRun(loaded, time, signals, samples.metrics(), mechanism)
 
 
 def _name(signal: Signal) -> str:

@@ -11,6 +11,7 @@ import math
 from pathlib import Path
 import sys
 from textwrap import fill
+from typing import Any
 
 from masmc_ros.compare.ranking import COMPARED, LOST, Ranked, Row
 from masmc_ros.compare.trials import Trial
@@ -122,20 +123,22 @@ def _small(error: float) -> str:
     return number(SMALL * error) if math.isfinite(error) else _LOST
 
 
+def rows_of(ranked: Sequence[Ranked]) -> list[dict[str, Any]]:
+    """Return all numbers of each law and trial in SI units; None for infinite ones."""
+    return [
+        {
+            **entry.contender._asdict(),
+            'trial': trial,
+            **{n: v if math.isfinite(v) else None for n, v in row.numbers().items()},
+        }
+        for entry in ranked
+        for trial, row in entry.rows.items()
+    ]
+
+
 def as_json(ranked: Sequence[Ranked]) -> str:
-    """Return all numbers in SI units; null for infinite ones."""
-    return json.dumps(
-        [
-            {
-                **entry.contender._asdict(),
-                'trial': trial,
-                **{n: v if math.isfinite(v) else None for n, v in row.numbers().items()},
-            }
-            for entry in ranked
-            for trial, row in entry.rows.items()
-        ],
-        indent=1,
-    )
+    """Return the rows as text."""
+    return json.dumps(rows_of(ranked), indent=1)
 
 
 def page(

@@ -5,14 +5,18 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 import subprocess
 import sys
 
 from helpers.campaigns import PAPER
+from helpers.small_tree import hand_at_start, write_scenario
 import masmc_ros as masmc
 from masmc_ros.api.settings import settings_of
+from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
+from masmc_ros.law import registry
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.params.scenario import load_scenario
 import numpy as np
@@ -35,6 +39,39 @@ def test_short_names_have_their_node() -> None:
 def test_short_name_of_several_nodes_raises() -> None:
     with pytest.raises(InputError, match=r"expected settings with 'controller.torque_limit' or"):
         masmc.simulate(PAPER, torque_limit=5.0)
+
+
+def test_load_changes_values_of_a_scenario() -> None:
+    scenario = masmc.load('paper', {'plant.robot.link_2_mass': 1.2}, k_s1=150)
+    changed = masmc.load(scenario, k_s2=7)
+    assert changed.values['controller']['k_s1'] == (150.0,) * 4
+    assert changed.values['controller']['k_s2'] == (7.0,) * 4
+    assert scenario.values['controller']['k_s2'] != (7.0,) * 4
+    assert changed.robot.values['link_2_mass'] == 1.2
+    assert repr(scenario) == (
+        f'{scenario.file} --set plant.robot.link_2_mass=1.2 --set controller.k_s1=150'
+    )
+    with pytest.raises(InputError, match='k_s1'):
+        masmc.load('paper', k_s1=-1.0)
+    with pytest.raises(InputError, match='papr: no such file'):
+        masmc.load('papr')
+
+
+def test_laws_have_summaries() -> None:
+    laws = masmc.laws()
+    assert list(laws) == list(registry.names())
+    assert all(laws.values())
+
+
+def test_robot_of_urdf_equals_robot_of_file(tmp_path: Path) -> None:
+    file = write_scenario(tmp_path, hand_at_start(), 1.0)
+    values = load_scenario(str(file))['plant']
+    urdf, tip = values['robot.urdf'], values['robot.tip_frame']
+    own = {name: values[f'robot.{name}'] for name in ('base', 'wheels', 'joints', 'armature')}
+    robot = masmc.load_robot(urdf, tip_frame=tip, **own)
+    np.testing.assert_array_equal(robot.theta, masmc.load_robot(str(file)).theta)
+    with pytest.raises(InputError, match='tip_fram'):
+        masmc.load_robot(urdf, tip_fram=tip)
 
 
 def test_unknown_name_raises() -> None:
@@ -67,6 +104,55 @@ def test_run_has_signals_and_metrics_of_simulation() -> None:
     assert table.num_rows == 301
     assert table['error_x_E'].to_numpy().tolist() == run.error[:, 0].tolist()
     assert len(table.column_names) == 1 + sum(values.shape[1] for values in run.signals.values())
+    data = run.to_xarray()
+    np.testing.assert_array_equal(data['torque'].values, run.torque)
+    assert data['torque'].attrs['units'] == 'N·m'
+    assert data['error_component'].values.tolist() == list(run.components('error'))
+    with pytest.raises(InputError, match='tip: no point of the robot; expected one of end_effect'):
+        run.plot.errors('tip')
+
+
+@pytest.mark.slow
+def test_plot_has_the_errors_of_the_run() -> None:
+    run = masmc.simulate(PAPER, duration=2.0)
+    for number, point in enumerate(run.metrics.points):
+        upper = run.plot.errors(point.key).axes[0]
+        drawn = np.array([line.get_ydata() for line in upper.get_lines()[1:]])
+        np.testing.assert_allclose(drawn, 1e3 * run.error[:, 2 * number:2 * number + 2].T)
+
+
+@pytest.mark.slow
+def test_compare_has_the_rows_of_the_command(capsys: pytest.CaptureFixture[str],
+                                             tmp_path: Path) -> None:
+    table = masmc.compare_laws('paper', ['smc', 'rasmc'], trials='as it is', duration=0.3)
+    arguments = ['compare', 'paper', '--laws', 'smc,rasmc', '--trials', 'as it is', '--set',
+                 'duration=0.3', '--json', '--output', str(tmp_path)]
+    assert main(arguments) == 0
+    assert table.to_pylist() == json.loads(capsys.readouterr().out)
+
+
+@pytest.mark.slow
+def test_tune_has_the_front_of_the_command(tmp_path: Path) -> None:
+    tuned = masmc.tune(
+        'paper', {'controller.k_s1': '20:200:log'}, evaluations=8, duration=0.3, threads=1
+    )
+    arguments = ['tune', 'paper', '--tune', 'controller.k_s1=20:200:log', '--evaluations', '8',
+                 '--set', 'duration=0.3', '--output', str(tmp_path / 'out')]
+    assert main(arguments) == 0
+    tuned.write(tmp_path / 'tuned.yaml')
+    assert (tmp_path / 'tuned.yaml').read_text() == (tmp_path / 'out/tuned.yaml').read_text()
+    assert list(tuned.values) == ['controller.k_s1']
+    assert f'controller.k_s1 = {tuned.values["controller.k_s1"]:.4g}' in repr(tuned)
+    assert tuned.front.num_rows == len((tmp_path / 'out/front.csv').read_text().splitlines()) - 1
+
+
+@pytest.mark.slow
+def test_read_returns_the_logged_run(tmp_path: Path) -> None:
+    log = tmp_path / 'run.mcap'
+    assert main(['simulate', 'paper', '--set', 'duration=0.3', '--output', str(log)]) == 0
+    run, logged = masmc.simulate('paper', duration=0.3), masmc.read(log)
+    np.testing.assert_array_equal(logged.position, run.position)
+    np.testing.assert_array_equal(logged.torque.values, run.torque)
 
 
 @pytest.mark.slow

@@ -10,13 +10,10 @@ from itertools import chain
 from pathlib import Path
 
 from masmc_ros.cli.arguments import add_file, add_json, add_output, add_settings, count
-from masmc_ros.compare.campaign import outcomes, Task
-from masmc_ros.compare.contenders import contenders, marked
+from masmc_ros.compare.campaign import outcomes
 from masmc_ros.compare.ranking import ranking
 from masmc_ros.compare.tables import as_json, page, text
-from masmc_ros.compare.trials import sets_observer, trials_named
-from masmc_ros.errors import InputError
-from masmc_ros.law.command_interface import takes_rates
+from masmc_ros.compare.tasks import tasks_of
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.report.aligned import WIDTH
 from masmc_ros.report.files import make_folder, write_file
@@ -61,20 +58,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Compute the runs of all laws in all trials, print the tables and write them."""
     file = scenario_file(options.file)
-    scenario = load_scenario(file, options.set)
-    if takes_rates(scenario['controller']):
-        raise InputError(
-            f'{file}: command_interface = velocity: only one law commands velocities; expected'
-            ' effort'
-        )
-    mechanism = mechanism_from(scenario['plant'])
-    trials, controller = trials_named(options.trials), scenario['controller']
-    chosen = contenders(options.laws, mechanism, controller['switching'])
-    if not sets_observer(trials):
-        chosen = marked(chosen, controller)
-    tasks = [
-        Task(file, tuple(options.set), contender, trials, options.seeds) for contender in chosen
-    ]
+    tasks = tasks_of(file, options.set, options.laws, options.trials, options.seeds)
+    trials = tasks[0].trials
+    mechanism = mechanism_from(load_scenario(file, options.set)['plant'])
     folder = Path(options.output)
     make_folder(folder)
     done = tqdm(outcomes(tasks), total=len(tasks), unit='law', disable=None)

@@ -6,26 +6,16 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 import csv
 import io
 import math
 from pathlib import Path
 
-from masmc_ros.campaign.campaign import campaign_of
-from masmc_ros.campaign.draws import draw
-from masmc_ros.campaign.summary import label, metric_named
-from masmc_ros.campaign.threads import processors
-from masmc_ros.campaign.tune import (
-    Candidate,
-    Evaluation,
-    FORM,
-    Range,
-    searched,
-    tuned,
-    Tuning,
-    variables_of,
-)
-from masmc_ros.campaign.tuned_file import tuned_file
+from masmc_ros.api.scenario import Scenario
+from masmc_ros.api.tuning import search
+from masmc_ros.campaign.summary import label
+from masmc_ros.campaign.tune import Candidate, FORM, Tuning
 from masmc_ros.cli.arguments import (
     add_file,
     add_output,
@@ -35,7 +25,6 @@ from masmc_ros.cli.arguments import (
     count,
 )
 from masmc_ros.cli.campaign_options import add_draws
-from masmc_ros.errors import InputError
 from masmc_ros.report.aligned import aligned, WIDTH
 from masmc_ros.report.draw.campaign import front_figure
 from masmc_ros.report.draw.style import paper_style, png
@@ -43,7 +32,6 @@ from masmc_ros.report.files import check_folder, make_folder, write_file
 from masmc_ros.report.measure.table import Column, number
 from masmc_ros.share import scenario_file
 import numpy as np
-from tqdm import tqdm
 
 _SHOWN = 10
 """Number of candidates of the front that are printed; front.csv has all."""
@@ -96,28 +84,23 @@ _percentile.__name__ = 'percentile'  # in the messages of argparse
 
 def run(options: argparse.Namespace) -> int:
     """Search, write the front and the parameter file, and print the front."""
-    file = scenario_file(options.file)
-    draws = [draw(text) for text in options.draw]
-    campaign = campaign_of(
-        file, options.set, draws=draws, repeats=options.runs if draws else 1, seed=options.seed,
-        sobol=options.sobol,
-    )  # fmt: skip
-    ranges = [searched(text) for text in options.tune]
-    variables = variables_of(campaign, ranges)
-    names = options.objective or ['', 'torque_variation']
-    if len(names) != 2:
-        raise InputError(f'--objective: {len(names)} given; expected two')
-    first, second = objectives = [metric_named(campaign, name, '--objective') for name in names]
     folder = Path(options.output)
     check_folder(folder)
-    evaluate = Evaluation(
-        campaign, variables, objectives, options.percentile, options.threads or processors()
+    tuned = search(
+        Scenario(scenario_file(options.file), tuple(options.set)),
+        options.tune,
+        options.draw,
+        runs=options.runs,
+        objectives=options.objective or ('', 'torque_variation'),
+        percentile=options.percentile,
+        evaluations=options.evaluations,
+        seed=options.seed,
+        sobol=options.sobol,
+        threads=options.threads,
     )
-    with tqdm(total=options.evaluations, unit='candidate', disable=None) as progress:
-        result = tuned(
-            evaluate, ranges, evaluations=options.evaluations, seed=options.seed,
-            advance=progress.update,
-        )  # fmt: skip
+    result, objectives = tuned.search, tuned.columns
+    names = [variable.name for variable in tuned.variables]
+    first, second = objectives
     with paper_style():
         everything, front, chosen, start = (
             _scaled(candidates, objectives)
@@ -128,26 +111,25 @@ def run(options: argparse.Namespace) -> int:
         figure = png(front_figure(everything, front, chosen, start, label(first), label(second)))
     make_folder(folder)
     contents = {
-        'tuned.yaml': tuned_file(file, options.set, variables, result.chosen.values).encode(),
-        'front.csv': _table(result.front, ranges, objectives).encode(),
+        'tuned.yaml': tuned.text.encode(),
+        'front.csv': _table(result.front, names, objectives).encode(),
         'front.png': figure,
     }
     for name, content in contents.items():
         write_file(folder / name, content)
-    print(_text(result, ranges, objectives))
+    print(_text(result, names, objectives))
     print(f'results: {folder}/ ({", ".join(contents)})')
     return 0
 
 
-def _scaled(candidates: list[Candidate], objectives: list[Column]) -> np.ndarray:
+def _scaled(candidates: list[Candidate], objectives: Sequence[Column]) -> np.ndarray:
     """Return the objectives (n, 2) in the units of texts."""
     values = np.array([candidate.objectives for candidate in candidates])
     return values * [column.factor for column in objectives]
 
 
-def _text(result: Tuning, ranges: list[Range], objectives: list[Column]) -> str:
+def _text(result: Tuning, names: Sequence[str], objectives: Sequence[Column]) -> str:
     """Return the front, the chosen candidate and the values of the scenario."""
-    names = [entry.name for entry in ranges]
 
     def cells(name: str, candidate: Candidate) -> list[str]:
         reached = _scaled([candidate], objectives)[0].tolist()
@@ -162,11 +144,12 @@ def _text(result: Tuning, ranges: list[Range], objectives: list[Column]) -> str:
     return '\n'.join([count, '', *aligned([head, *rows], (0,), rule=1, width=WIDTH)]) + '\n'
 
 
-def _table(front: list[Candidate], ranges: list[Range], objectives: list[Column]) -> str:
+def _table(
+    front: list[Candidate], names: Sequence[str], objectives: Sequence[Column]
+) -> str:
     """Return the front as CSV in SI units."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator='\n')
-    names = [entry.name for entry in ranges]
     writer.writerow([*(f'{c.name} ({c.unit})' for c in objectives), *names])
     for candidate in front:
         writer.writerow([*candidate.objectives, *(candidate.values[name] for name in names)])

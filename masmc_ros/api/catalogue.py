@@ -1,0 +1,65 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""What there is: laws, robots and logged runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, TYPE_CHECKING
+
+from masmc_ros.api.scenario import load
+from masmc_ros.law import registry
+from masmc_ros.law.law import Law
+from masmc_ros.params.declaration import check_all
+from masmc_ros.params.node_parameters import declared
+from masmc_ros.robot.mechanisms import mechanism_from
+from masmc_ros.robot.robot import Robot, robot_of
+
+if TYPE_CHECKING:
+    from masmc_ros.log.read.reader import Run
+
+
+def laws() -> dict[str, str]:
+    """Return the control laws with their summaries; the names are the values of `law`."""
+    known = {name: registry.load(name) for name in registry.names()}
+    return {n: law.summary if isinstance(law, Law) else 'plain Python' for n, law in known.items()}
+
+
+def load_robot(source: str, **values: Any) -> Robot:
+    """
+    Return a robot.
+
+    Parameters
+    ----------
+    source
+        URDF file, parameter file, or name of an installed parameter file.
+    values
+        parameters `robot.NAME` by NAME, such as `tip_frame='tool0'`.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, a name is unknown, or the robot is invalid.
+
+    """
+    named = {f'robot.{name}': value for name, value in values.items()}
+    if Path(source).suffix != '.urdf':
+        return load(source, named).robot
+    named['robot.urdf'] = source
+    return robot_of(check_all(declared('plant', mechanism_from(named)), named))
+
+
+def read(log: str | Path) -> Run:
+    """
+    Return a logged run, of a recorder or of `masmc simulate --output`.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, or not a log of a run.
+
+    """
+    from masmc_ros.log.read.reader import read_run
+
+    return read_run(log)

@@ -1,0 +1,75 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Scenarios: a parameter file with changed values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from masmc_ros.api.settings import settings_of
+from masmc_ros.params.scenario import load_scenario
+from masmc_ros.robot.robot import Robot, robot_of
+from masmc_ros.share import scenario_file
+
+
+@dataclass(frozen=True, repr=False)
+class Scenario:
+    """
+    Parameter file with changed values, the input of all functions of the Python interface.
+
+    Attributes
+    ----------
+    file
+        path of the parameter file.
+    settings
+        NAME=VALUE, as in `--set`.
+
+    """
+
+    file: str
+    settings: tuple[str, ...] = ()
+
+    @property
+    def values(self) -> dict[str, dict[str, Any]]:
+        """Return the checked values by node and name; InputError for an invalid one."""
+        return load_scenario(self.file, self.settings)
+
+    @property
+    def robot(self) -> Robot:
+        """Return the robot of the plant, with its true masses."""
+        return robot_of(self.values['plant'])
+
+    def __repr__(self) -> str:
+        """Return the call that loads the scenario, for the command line."""
+        return ' '.join([self.file, *(f'--set {text}' for text in self.settings)])
+
+
+def load(
+    scenario: str | Scenario = 'paper', settings: Mapping[str, Any] | None = None, **values: Any
+) -> Scenario:
+    """
+    Return a scenario with changed values.
+
+    Parameters
+    ----------
+    scenario
+        parameter file, name of an installed one, or a scenario to change.
+    settings
+        values by name as in `--set`: `{'plant.robot.link_2_mass': 1.2}`.
+    values
+        the same by the name without its node: `k_s1=150`; two underscores stand for a dot.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, a name is unknown or a value is out of range.
+
+    """
+    changed = scenario if isinstance(scenario, Scenario) else Scenario(scenario_file(scenario))
+    new = settings_of(changed.file, settings, values)
+    loaded = Scenario(changed.file, (*changed.settings, *new))
+    _ = loaded.values
+    return loaded

@@ -1,0 +1,185 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Search of gains."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from masmc_ros.api.scenario import load, Scenario
+from masmc_ros.campaign.campaign import campaign_of
+from masmc_ros.campaign.draws import draw as parsed_draw
+from masmc_ros.campaign.summary import metric_named
+from masmc_ros.campaign.threads import processors
+from masmc_ros.campaign.tune import Evaluation, searched, tuned, Tuning, variables_of
+from masmc_ros.campaign.tuned_file import tuned_file
+from masmc_ros.campaign.variable import Variable
+from masmc_ros.errors import InputError
+from masmc_ros.report.files import write_file
+from masmc_ros.report.measure.table import Column
+import pyarrow as pa
+from tqdm import tqdm
+
+
+@dataclass(frozen=True, repr=False)
+class TunedScenario:
+    """
+    Result of a search.
+
+    Attributes
+    ----------
+    scenario
+        scenario that was tuned.
+    variables
+        searched parameters.
+    columns
+        the two minimised metrics.
+    search
+        all candidates, the front and the chosen candidate.
+
+    """
+
+    scenario: Scenario
+    variables: tuple[Variable, ...]
+    columns: tuple[Column, Column]
+    search: Tuning
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Return the chosen value of each parameter by its full name."""
+        return self.search.chosen.values
+
+    @property
+    def objectives(self) -> dict[str, tuple[float, float]]:
+        """Return each metric with the scenario's and with the chosen values, SI units."""
+        names = [column.name for column in self.columns]
+        both = zip(self.search.start.objectives, self.search.chosen.objectives, strict=True)
+        return dict(zip(names, both, strict=True))
+
+    @property
+    def front(self) -> pa.Table:
+        """Return the Pareto front: a column for each metric and parameter, SI units."""
+        names = [column.name for column in self.columns]
+        return pa.Table.from_pylist([
+            {**dict(zip(names, candidate.objectives, strict=True)), **candidate.values}
+            for candidate in self.search.front
+        ])
+
+    @property
+    def text(self) -> str:
+        """Return a ROS parameter file with the chosen values."""
+        file, settings = self.scenario.file, self.scenario.settings
+        return tuned_file(file, settings, self.variables, self.values)
+
+    def __repr__(self) -> str:
+        """Return the chosen values, and the metrics before and after."""
+        chosen = ', '.join(f'{name} = {value:.4g}' for name, value in self.values.items())
+        metrics = ', '.join(
+            f'{name} {before:.4g} -> {after:.4g}'
+            for name, (before, after) in self.objectives.items()
+        )
+        return f'{chosen}: {metrics}'
+
+    def write(self, path: str | Path) -> None:
+        """Write the parameter file; InputError if that fails."""
+        write_file(Path(path), self.text.encode())
+
+
+def tune(
+    scenario: str | Scenario,
+    ranges: Mapping[str, str],
+    *,
+    draw: Mapping[str, str] | None = None,
+    runs: int = 16,
+    objectives: Sequence[str] = ('', 'torque_variation'),
+    percentile: float = 100.0,
+    evaluations: int = 256,
+    seed: int = 0,
+    sobol: bool = False,
+    settings: Mapping[str, Any] | None = None,
+    threads: int = 0,
+    **values: Any,
+) -> TunedScenario:
+    """
+    Search gains that minimise two metrics, as `masmc tune` does.
+
+    Parameters
+    ----------
+    scenario, settings, values
+        as in `load`.
+    ranges
+        searched parameters with LOW:HIGH or LOW:HIGH:log:
+        `{'controller.k_s1': '20:400:log'}`.
+    draw
+        distributions by name, as in `sweep`.
+    runs
+        runs of each candidate; one without `draw`.
+    objectives
+        two metrics, columns of `sweep`; empty: the RMS error of the first point.
+    percentile
+        percentile of the metrics over the runs; 100: the worst run.
+    evaluations
+        number of candidates.
+    seed
+        seed of the draws and of the search.
+    sobol
+        whether the draws are points of a Sobol sequence.
+    threads
+        number of threads; 0: one for each processor.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown or a value out of range.
+
+    """
+    return search(
+        load(scenario, settings, **values),
+        [f'{name}={text}' for name, text in ranges.items()],
+        [f'{name}={text}' for name, text in (draw or {}).items()],
+        runs=runs,
+        objectives=objectives,
+        percentile=percentile,
+        evaluations=evaluations,
+        seed=seed,
+        sobol=sobol,
+        threads=threads,
+    )
+
+
+def search(
+    scenario: Scenario,
+    ranges: Sequence[str],
+    draws: Sequence[str],
+    *,
+    runs: int,
+    objectives: Sequence[str],
+    percentile: float,
+    evaluations: int,
+    seed: int,
+    sobol: bool,
+    threads: int,
+) -> TunedScenario:
+    """Carry out `tune`; ranges and draws are texts NAME=VALUE of the command."""
+    drawn = [parsed_draw(text) for text in draws]
+    campaign = campaign_of(
+        scenario.file, scenario.settings, draws=drawn, repeats=runs if drawn else 1, seed=seed,
+        sobol=sobol,
+    )  # fmt: skip
+    searches = [searched(text) for text in ranges]
+    variables = variables_of(campaign, searches)
+    if len(objectives) != 2:
+        raise InputError(f'--objective: {len(objectives)} given; expected two')
+    first, second = (metric_named(campaign, name, '--objective') for name in objectives)
+    evaluate = Evaluation(
+        campaign, variables, (first, second), percentile, threads or processors()
+    )
+    with tqdm(total=evaluations, unit='candidate', disable=None) as progress:
+        result = tuned(
+            evaluate, searches, evaluations=evaluations, seed=seed, advance=progress.update
+        )
+    return TunedScenario(scenario, tuple(variables), (first, second), result)
