@@ -78,8 +78,8 @@ def write_exciting(
     Raises
     ------
     InputError
-        if the robot cannot hold its start within the limits of the torques, or if its type
-        cannot be identified.
+        if the duration is shorter than PERIOD, if the robot cannot hold its start within the
+        limits of the torques, or if its type cannot be identified.
 
     """
     if duration < PERIOD:
