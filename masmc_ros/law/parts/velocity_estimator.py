@@ -165,7 +165,7 @@ def estimate_rates(
     settings, memory
         Settings and memory of the law.
     position
-        Measured positions (positions), of which the last ones are the joint angles.
+        Measured positions (positions); the last ones are the joint angles.
     knows_torques
         False with commanded rates. The torques of the drives are then unknown, and all
         acceleration is unmodelled.
