@@ -7,8 +7,8 @@ Physically consistent inertial parameters, as linear matrix inequalities.
 Parameters are consistent if the pseudo-inertia of each body, or the consistency matrix of the
 mechanism, is positive definite (Traversaro, Brossette, Escande and Nori 2016; Wensing, Kim and
 Slotine 2018). Both are linear in the parameters. Here they are scaled by the Cholesky factor C of
-the nominal matrix, C^-1 P C^-T = I + ..., in which the distance between two robots does not
-depend on units and frames (Lee, Wensing and Park 2020).
+the nominal matrix: C^-1 P C^-T = I + ... The distance between two scaled robots does not depend on
+units and frames (Lee, Wensing and Park 2020).
 """
 
 from __future__ import annotations

@@ -4,9 +4,9 @@
 """
 Motions that excite the parameters of a robot: Fourier series of the joints within limits.
 
-The series is periodic (Swevers, Ganseman, Tükel, De Schutter and Van Brussel 1997). Of many random
-ones within the limits of position, speed and torque, the one with the smallest condition number of
-the scaled base parameters is chosen and improved. Self-collisions are not checked.
+The series is periodic (Swevers, Ganseman, Tükel, De Schutter and Van Brussel 1997). Many random
+series are scaled to the limits of position, speed and torque. The one with the smallest condition
+number of the scaled base parameters is selected and improved. Self-collisions are not checked.
 """
 
 from __future__ import annotations

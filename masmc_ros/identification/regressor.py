@@ -148,8 +148,8 @@ def _add_samples(
     """
     Add samples (N) to the equations of their windows, row by row in joint torques.
 
-    With v_j the motion of joint j alone, the row of momentum is Y(0, 0, v)' v_j without gravity,
-    and that of C' v is Y(v, v_j, 0)' v without gravity, because Hdot - 2 C is skew-symmetric.
+    v_j is the motion of joint j alone. Without gravity, the row of momentum is Y(0, 0, v)' v_j,
+    and that of C' v is Y(v, v_j, 0)' v, because Hdot - 2 C is skew-symmetric.
     """
     record = lane_of(body[0], 0)
     theta = record.theta
