@@ -51,7 +51,7 @@ def write_noise(plant: Any, memory: Any, tick: int) -> None:
 
 @formula
 def _noisy(rate: float, deviation: float, noise: float) -> float:
-    """Return a rate as it is measured, rad/s."""
+    """Return the measured rate in rad/s: with noise of a standard deviation."""
     return rate + deviation * noise if deviation > 0.0 else rate
 
 
