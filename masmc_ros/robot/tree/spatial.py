@@ -8,7 +8,8 @@ A rotation R maps components in the child's frame to those in the parent's. The 
 body consists of its moments of mass about the origin of its frame, in SI units. These are mass,
 first moments x, y, z, and second moments xx, yy, zz, xy, yz, zx. Second moments are integrals of
 x x dm; a moment of inertia is the sum of two of them. As the 4 x 4 matrix
-P = [[Sigma, h], [h', m]] it is positive definite for every physical body (Wensing, Kim and Slotine, 2018).
+P = [[Sigma, h], [h', m]] it is positive definite for every physical body (Wensing, Kim and
+Slotine, 2018).
 """
 
 from __future__ import annotations
