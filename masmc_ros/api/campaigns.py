@@ -40,32 +40,33 @@ def sweep(
     Parameters
     ----------
     scenario, settings, values
-        as in `load`.
+        As in `load`.
     vary
-        values of each axis: a list, or LOW:HIGH:COUNT or LOW:HIGH:COUNT:log.
+        Values of each axis by name: a list, or a text LOW:HIGH:COUNT or LOW:HIGH:COUNT:log.
     draw
-        distributions by name: `{'plant.robot.link_2_mass': 'uniform:0.6:1.4'}`.
+        Distributions by name: `{'plant.robot.link_2_mass': 'uniform:0.6:1.4'}`.
     runs
-        runs at each point.
+        Number of runs at each point.
     seed
-        seed of the draws.
+        Seed of the draws.
     sobol
-        whether the draws are points of a Sobol sequence.
+        True if the draws are points of a Sobol sequence.
     output
-        folder of the dataset, which an interrupted campaign continues; None: no files.
+        Folder of the dataset, which an interrupted campaign continues; None: no files remain.
     threads
-        number of threads; 0: one for each processor.
+        Number of threads; 0: one for each processor.
     scheduler
-        address of a Dask scheduler.
+        Address of a Dask scheduler, which has priority over threads.
 
     Returns
     -------
-        A row for each run.
+        Table with a row for each run: values, metrics in SI units, and `lost`.
 
     Raises
     ------
     InputError
-        If a name is unknown or a value out of range.
+        if a name is unknown or a value out of range, if the folder has rows of another campaign,
+        or if no scheduler answers.
 
     """
     loaded = load(scenario, settings, **values)
@@ -94,7 +95,30 @@ def monte_carlo(
     scheduler: str = '',
     **values: Any,
 ) -> pa.Table:
-    """Run a scenario with random parameters, as `masmc monte-carlo` does; see `sweep`."""
+    """
+    Run a scenario with random parameters, as `masmc monte-carlo` does.
+
+    Parameters
+    ----------
+    scenario
+        Parameter file, or name of an installed one.
+    draw
+        Distributions by name: `{'plant.robot.link_2_mass': 'uniform:0.6:1.4'}`.
+    runs
+        Number of runs.
+    seed, sobol, settings, output, threads, scheduler, values
+        As for `sweep`.
+
+    Returns
+    -------
+        Table with a row for each run.
+
+    Raises
+    ------
+    InputError
+        as `sweep`.
+
+    """
     return sweep(
         scenario, {}, draw=draw, runs=runs, seed=seed, sobol=sobol, settings=settings,
         output=output, threads=threads, scheduler=scheduler, **values,

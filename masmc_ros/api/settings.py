@@ -22,22 +22,21 @@ def settings_of(
     file: str, settings: Mapping[str, Any] | None, values: Mapping[str, Any]
 ) -> list[str]:
     """
-    Return NAME=VALUE settings of `--set`.
+    Return values of the Python interface as texts NAME=VALUE of `--set`.
 
     Parameters
     ----------
     file
-        parameter file, whose robot determines the known names.
+        Parameter file, whose robot determines the known names.
     settings
-        values by full name, as in `--set`.
+        Values by full name, as in `--set`.
     values
-        values by the name of the parameter without its node; the dots of names are two
-        underscores.
+        Values by the name of the parameter without its node, with two underscores for a dot.
 
     Raises
     ------
     InputError
-        If a short name belongs to several nodes.
+        if a short name belongs to several nodes.
 
     """
     mechanism = mechanism_from({**read(file).for_node('plant'), **(settings or {})})

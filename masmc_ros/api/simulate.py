@@ -28,20 +28,22 @@ _SIGNALS = {signal.name: signal for signal in SIGNALS}
 @dataclass(frozen=True, repr=False)
 class SimulatedRun:
     """
-    Run of the closed loop; each of `loop.signals.SIGNALS` is an attribute (n, components).
+    Run of the closed loop, with every signal of `loop.signals.SIGNALS` as an attribute.
+
+    Such an attribute, as `run.error`, is an array (n, components) of n ticks.
 
     Attributes
     ----------
     scenario
-        parameter file and changed values.
+        Parameter file and changed values.
     time
-        (n) s.
+        (n) Times of the ticks in s.
     signals
-        arrays (n, components) by name, SI units.
+        Arrays (n, components) by name, in SI units.
     metrics
-        metrics of `masmc simulate`.
+        Metrics of `masmc simulate`.
     mechanism
-        type of the robot.
+        Type of the robot.
 
     """
 
@@ -52,7 +54,7 @@ class SimulatedRun:
     mechanism: Mechanism
 
     def __getattr__(self, name: str) -> NDArray[Any]:
-        """Return a signal by its name."""
+        """Return a signal (n, components) by its name; AttributeError for another name."""
         if name not in _SIGNALS:
             raise AttributeError(f'{name}: no signal; known are {", ".join(_SIGNALS)}')
         return self.signals[name]
@@ -76,7 +78,11 @@ class SimulatedRun:
         return Plots(self.label, self.time, self.error, self.metrics)
 
     def components(self, signal: str) -> tuple[str, ...]:
-        """Return the names of the components of a signal, such as joints or task axes."""
+        """
+        Return the names of the components of a signal, such as joints or task axes.
+
+        A signal with a single component has one empty name. KeyError for an unknown signal.
+        """
         size = _SIGNALS[signal].size
         named: dict[str, Sequence[Any]] = {
             'positions': self.mechanism.positions,
@@ -91,7 +97,11 @@ class SimulatedRun:
         return tuple(entry.name for entry in named[str(size)]) if size else ('',)
 
     def to_arrow(self) -> Any:
-        """Return all signals as an Arrow table, a column for each component."""
+        """
+        Return all signals as an Arrow table of n rows, with a column for each component.
+
+        The columns are `time` and SIGNAL_COMPONENT, such as `error_x_E`. It needs pyarrow.
+        """
         import pyarrow as pa
 
         columns = {'time': self.time}
@@ -125,7 +135,7 @@ def simulate(
     Parameters
     ----------
     scenario, settings, values
-        as in `load`.
+        As in `load`.
 
     Returns
     -------
@@ -134,7 +144,8 @@ def simulate(
     Raises
     ------
     InputError
-        If a name is unknown or a value out of range, or if the run diverges.
+        if a name is unknown, belongs to several nodes, or has a value out of range, or if the run
+        diverges.
 
     """
     loaded = load(scenario, settings, **values)

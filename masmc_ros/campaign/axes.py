@@ -14,7 +14,7 @@ FORM = 'NAME=LOW:HIGH:COUNT, NAME=LOW:HIGH:COUNT:log, or NAME=VALUE,VALUE,...'
 
 
 class Axis(NamedTuple):
-    """Values of a parameter, one after the other."""
+    """Parameter with the values that it takes, in their order."""
 
     name: str
     values: tuple[Scalar, ...]

@@ -46,11 +46,11 @@ class Run:
     Attributes
     ----------
     number
-        its number, from 0.
+        Number of the run, from 0.
     values
-        values of the variables by name: those of the axes, then drawn ones.
+        Values of the variables by name: those of the axes, then drawn ones.
     scenario
-        checked values of its nodes.
+        Checked values by node and name.
 
     """
 
@@ -62,29 +62,29 @@ class Run:
 @dataclass(frozen=True, eq=False)
 class Campaign:
     """
-    Pure description of a campaign; every run follows from it and from the number of the run.
+    Description of a campaign; every run follows from it and from the number of the run.
 
-    The runs are the points of the grid of all axes, the last axis fastest, `repeats` runs at
-    each. Run k of a point has draw k and seed `plant.seed` + k, the same at all points.
+    The runs are the points of the grid of all axes, the last axis fastest, with `repeats` runs at
+    each point. Run k of a point has draw k and seed `plant.seed` + k, the same at all points.
 
     Attributes
     ----------
     file
-        parameter file, for the commands that repeat a run.
+        Parameter file, for the commands that repeat a run.
     settings
-        settings of `--set`, for the same.
+        Settings of `--set`, for the same commands.
     scenario
-        checked values of NODES, with the settings. A URDF is its text, not its path.
+        Checked values of NODES, with the settings. A URDF is its text, not its path.
     axes
-        axes of variation.
+        Axes of variation.
     draws
-        random values.
+        Parameters with random values.
     repeats
-        runs at each point of the grid.
+        Number of runs at each point of the grid.
     seed
-        seed of the draws.
+        Seed of the draws.
     sobol
-        whether they are points of a Sobol sequence.
+        True if the draws are points of a Sobol sequence.
 
     """
 
@@ -143,7 +143,11 @@ class Campaign:
         return hashlib.sha256(content.encode()).hexdigest()[:16]
 
     def runs(self, first: int, count: int) -> Iterator[Run]:
-        """Yield runs by their numbers; InputError for values that a node would reject."""
+        """
+        Yield the runs `first` to `first + count - 1`.
+
+        Raises InputError for values that a node would reject.
+        """
         numbers = np.arange(first, first + count)
         points, repeats = np.divmod(numbers, self.repeats)
         shape = tuple(len(axis.values) for axis in self.axes)
@@ -170,7 +174,7 @@ class Campaign:
         return Run(number, dict(zip(names, values, strict=True)), scenario)
 
     def command(self, run: Run) -> str:
-        """Return the command that repeats a run."""
+        """Return the command `masmc simulate` that repeats a run."""
         settings = [*self.settings, *(v.setting(run.scenario) for v in self.variables)]
         seed = run.scenario['plant']['seed']
         if seed != self.scenario['plant']['seed']:
@@ -190,12 +194,29 @@ def campaign_of(
     sobol: bool = False,
 ) -> Campaign:
     """
-    Return the campaign of a parameter file; see `Campaign` for the arguments.
+    Return the campaign of a parameter file.
+
+    Parameters
+    ----------
+    file
+        Parameter file.
+    settings
+        Texts NAME=VALUE of `--set`.
+    axes
+        Axes of variation.
+    draws
+        Parameters with random values.
+    repeats
+        Number of runs at each point of the grid.
+    seed
+        Seed of the draws.
+    sobol
+        True if the draws are points of a Sobol sequence.
 
     Raises
     ------
     InputError
-        If a name is unknown, appears twice or cannot vary, or if a value of an axis or a value
+        if a name is unknown, appears twice or cannot vary, or if a value of an axis or a value
         that can be drawn is out of range.
 
     """

@@ -33,7 +33,7 @@ _PACKAGES = ('numpy', 'numba', 'scipy')
 
 
 def versions() -> dict[str, str]:
-    """Return the versions on which the rows depend, as far as a worker must have the same."""
+    """Return the versions on which the rows depend and that a worker must have as well."""
     return {'masmc_ros': __version__, **{name: version(name) for name in _PACKAGES}}
 
 
@@ -98,7 +98,7 @@ class Cluster:
         return sum(threads.values())
 
     def computed(self, campaign: Campaign, parts: Iterable[Part]) -> Generator[Rows, None, None]:
-        """Yield the rows of parts in the order of completion."""
+        """Yield the rows of parts (first run, number of runs) in the order of completion."""
         waiting, client = iter(parts), self._client
 
         def submitted(count: int) -> list[Any]:

@@ -36,7 +36,7 @@ _PREFIX = 'masmc_ros.'
 
 
 def versions() -> dict[str, str]:
-    """Return the versions on which the rows depend."""
+    """Return the versions on which the rows depend, by the name of the package, and `git`."""
     packages = {name: version(name) for name in ('numpy', 'numba', 'scipy')}
     return {'masmc_ros': __version__, 'git': git_state(), **packages}
 
@@ -70,7 +70,7 @@ class Dataset:
             path.unlink()  # of a killed process
 
     def missing(self, size: int) -> Iterator[tuple[int, int]]:
-        """Yield first run and number of runs of the missing parts, at most `size` runs each."""
+        """Yield first run and number of runs of missing parts, at most `size` runs per part."""
         known = sorted(self._ranges())
         edges = [(0, 0), *known, (self.campaign.total, 0)]
         for (first, count), (following, _) in pairwise(edges):
@@ -83,7 +83,7 @@ class Dataset:
         return sum(count for _, count in self._ranges())
 
     def write(self, rows: Rows) -> None:
-        """Write the rows of a part; the file is complete or missing."""
+        """Write the rows of a part to a new file, which is complete or missing."""
         make_folder(self.folder)
         first, count = int(rows['run'][0]), len(rows['run'])
         path = self.folder / f'part-{first:010d}-{count}.parquet'
@@ -91,7 +91,7 @@ class Dataset:
             parquet.write_table(self._table(rows), stream, compression='zstd')
 
     def table(self) -> pa.Table:
-        """Return all rows by the number of the run."""
+        """Return all rows on the disk, sorted by the number of the run."""
         return pa.concat_tables([parquet.read_table(path) for path in self._files()])
 
     def _files(self) -> list[Path]:

@@ -35,7 +35,12 @@ _WORDS = 4
 
 
 class Distribution(NamedTuple):
-    """Distribution of SciPy with the arguments of the command line."""
+    """
+    Distribution of SciPy for a name of the command line.
+
+    `arguments` are the names of its numbers. `condition` returns True for valid numbers, and
+    `expected` describes them in messages.
+    """
 
     arguments: tuple[str, ...]
     frozen: Callable[..., Any]
@@ -72,7 +77,7 @@ DISTRIBUTIONS = {
 
 
 class Draw(NamedTuple):
-    """Parameter with the distribution of its values."""
+    """Parameter with the distribution of its values, a key of DISTRIBUTIONS, and its numbers."""
 
     name: str
     distribution: str
@@ -80,19 +85,19 @@ class Draw(NamedTuple):
 
     @property
     def text(self) -> str:
-        """Return the draw as of `--draw`."""
+        """Return the draw as a text of `--draw`."""
         return f'{self.name}={":".join([self.distribution, *map(repr, self.arguments)])}'
 
     @property
     def frozen(self) -> Any:
-        """Return the distribution of SciPy."""
+        """Return the distribution as a frozen one of SciPy."""
         from scipy import stats
 
         return DISTRIBUTIONS[self.distribution].frozen(stats, *self.arguments)
 
 
 def draw(text: str) -> Draw:
-    """Return the draw of `--draw`, see FORM; InputError for another text."""
+    """Return the draw of a text of `--draw`, see FORM; InputError for an invalid text."""
     place = f'--draw {text}'
     name, _, values = text.partition('=')
     kind, *parts = values.split(':')
@@ -119,7 +124,7 @@ def draw(text: str) -> Draw:
 
 
 def check_range(one: Draw, parameter: Parameter) -> None:
-    """Raise InputError if a draw may give a value that the parameter does not accept."""
+    """Raise InputError if a draw can give a value that the parameter does not accept."""
     low, high = map(float, one.frozen.support())
     for end in (low, high):
         is_valid = math.isinf(end) or parameter.bounds.contain(end)
@@ -135,7 +140,21 @@ def check_range(one: Draw, parameter: Parameter) -> None:
 
 
 def drawn(draws: Sequence[Draw], seed: int, first: int, count: int, *, sobol: bool) -> list[Array]:
-    """Return the values (count) of each draw in the runs `first` to `first + count - 1`."""
+    """
+    Return the values (count) of each draw in the runs `first` to `first + count - 1`.
+
+    Parameters
+    ----------
+    draws
+        Parameters with their distributions.
+    seed
+        Seed of all draws.
+    first, count
+        Number of the first run, and number of runs.
+    sobol
+        True for points of a Sobol sequence; otherwise each parameter has a separate stream.
+
+    """
     if not draws:
         return []
     if sobol:

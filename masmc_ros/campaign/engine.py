@@ -23,7 +23,7 @@ _PARTS = 8
 
 
 def part_size(total: int, workers: int) -> int:
-    """Return the number of runs of a part: a multiple of the lanes."""
+    """Return the number of runs of a part: a multiple of LANES."""
     batches = -(-total // (workers * _PARTS * LANES))
     return min(LARGEST_PART, LANES * max(1, batches))
 
@@ -42,15 +42,25 @@ def carry_out(
     Parameters
     ----------
     campaign
-        the campaign.
+        Campaign.
     folder
-        folder of the dataset.
+        Folder of the dataset; it is created if it is missing.
     threads
-        number of threads; 0: one for each processor.
+        Number of threads; 0: one for each processor.
     scheduler
-        address of a Dask scheduler, which has priority over threads.
+        Address of a Dask scheduler, which has priority over threads.
     advance
-        called with the number of runs that are done, first those of an earlier start.
+        Called with numbers of runs that are done, first with those of an earlier start.
+
+    Returns
+    -------
+        Dataset with all runs.
+
+    Raises
+    ------
+    InputError
+        if the folder has rows of another campaign, if no scheduler answers, or if a node would
+        reject the values of a run.
 
     """
     check_folder(folder)

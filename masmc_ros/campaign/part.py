@@ -34,11 +34,11 @@ Rows = dict[str, Any]
 
 
 class StoppedError(Exception):
-    """The computation was stopped between two batches."""
+    """Raised if the computation was stopped between two batches."""
 
 
 def metric_columns(mechanism: Mechanism) -> list[Column]:
-    """Return the metrics of the rows of a robot."""
+    """Return the metrics of the rows of a campaign with a robot."""
     return columns([Metrics(0.0, 0.0, {point: Reached() for point in mechanism.points}, 0)])
 
 
@@ -51,16 +51,23 @@ def rows(
     Parameters
     ----------
     campaign
-        the campaign.
+        Campaign.
     first, count
-        numbers of the runs.
+        Number of the first run, and number of runs.
     is_stopped
-        asked between two batches; True ends the computation by `StoppedError`.
+        Called between two batches; True stops the computation.
 
     Returns
     -------
-        `run` and `seed`, the varied and drawn values by name, the metrics, NaN for lost runs,
-        `lost`, and `lost_at` in s, NaN for others.
+        Columns (count) by name: `run`, `seed`, the varied and drawn values, the metrics in SI
+        units, `lost`, and `lost_at` in s. Metrics are NaN for lost runs, `lost_at` for others.
+
+    Raises
+    ------
+    StoppedError
+        if `is_stopped` returned True.
+    InputError
+        if a node would reject the values of a run.
 
     """
     runs = list(campaign.runs(first, count))
@@ -82,7 +89,19 @@ def rows(
 def evaluated(
     runs: Sequence[Run], lanes: int, is_stopped: Callable[[], bool] = lambda: False
 ) -> list[Metrics | float]:
-    """Return the metrics of runs, of lost ones the time in s; see `rows` and `reduced_metrics`."""
+    """
+    Return the metrics of each run, or the time in s at which it diverged.
+
+    Parameters
+    ----------
+    runs
+        Runs; those that differ in law, timing or trajectory are in separate batches.
+    lanes
+        Number of runs of a batch.
+    is_stopped
+        Called between two batches; True raises StoppedError.
+
+    """
     groups: dict[tuple[Any, ...], list[int]] = {}
     for place, run in enumerate(runs):
         groups.setdefault(tuple(of_all_lanes(run.scenario).values()), []).append(place)
@@ -104,7 +123,7 @@ def _campaign(text: str) -> Campaign:
 
 
 def rows_of_text(text: str, first: int, count: int) -> Rows:
-    """Compute the rows of the campaign of a JSON text, for another process."""
+    """Compute `rows` of a campaign as its JSON text, for another process."""
     return rows(_campaign(text), first, count)
 
 

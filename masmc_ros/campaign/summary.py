@@ -30,9 +30,9 @@ _SHOWN = 5
 
 def metric_named(campaign: Campaign, name: str, option: str = '--metric') -> Column:
     """
-    Return the metric of a name, of '' the first one.
+    Return the metric of a name; an empty name is the first metric.
 
-    InputError, starting with the name of the `option`, for an unknown name.
+    Raises InputError for an unknown name; its message starts with the name of the `option`.
     """
     known = {column.name: column for column in metric_columns(campaign.mechanism)}
     name = name or next(iter(known))
@@ -42,7 +42,21 @@ def metric_named(campaign: Campaign, name: str, option: str = '--metric') -> Col
 
 
 def text(campaign: Campaign, columns: Columns, metric: Column, width: int = sys.maxsize) -> str:
-    """Return the summary; the best point of the axes and correlations are those of a metric."""
+    """
+    Return the summary of a campaign for a terminal.
+
+    Parameters
+    ----------
+    campaign
+        Campaign.
+    columns
+        Columns of all rows by name.
+    metric
+        Metric of the best point of the axes, and of the correlations.
+    width
+        Width of lines in characters.
+
+    """
     lost = np.flatnonzero(columns['lost'])
     lines = [f'{campaign.total} runs, {len(lost)} of them diverged', '']
     lines += _percentiles(campaign, columns, width)
@@ -61,12 +75,16 @@ def text(campaign: Campaign, columns: Columns, metric: Column, width: int = sys.
 
 
 def label(column: Column) -> str:
-    """Return the head of a metric with its unit."""
+    """Return the heading of a metric with its unit."""
     return f'{column.head} ({column.shown_unit})'
 
 
 def values_by_point(campaign: Campaign, values: Array) -> Array:
-    """Return the median of a metric over the runs of each point of the grid, by axis."""
+    """
+    Return the median of a metric at each point of the grid, (values of each axis).
+
+    `values` (runs) are those of all runs. A point has NaN if half or more of its runs diverged.
+    """
     shape = tuple(len(axis.values) for axis in campaign.axes)
     by_point = values.reshape(*shape, campaign.repeats)
     known = np.isfinite(by_point)

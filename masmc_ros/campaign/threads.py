@@ -31,8 +31,18 @@ def computed(
     """
     Yield the rows of parts in the order of completion.
 
-    The kernel runs without Python's lock. If the caller ends early, threads end after their
-    current batch.
+    The kernel runs without Python's lock. If the caller closes the generator early, threads end
+    after their current batch.
+
+    Parameters
+    ----------
+    campaign
+        Campaign.
+    parts
+        First run and number of runs of each part.
+    threads
+        Number of threads.
+
     """
     stop, waiting = Event(), iter(parts)
     running: set[Future[Rows]] = set()

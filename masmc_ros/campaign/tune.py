@@ -5,9 +5,9 @@
 Search of parameters that minimise two metrics at once, over drawn robots.
 
 NSGA-II of Optuna proposes generations of candidates. Each candidate runs with all draws, which
-are the same for all candidates, and its objectives are a percentile of the metrics over these
-runs. A lost run counts as infinite. The result are the candidates that no other one surpasses in
-both metrics, the Pareto front.
+are the same for all candidates. Its objectives are a percentile of the metrics over these runs; a
+lost run counts as infinite. The result are the candidates that no other one surpasses in both
+metrics, the Pareto front.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _LOST = 1.0e300
 
 
 class Range(NamedTuple):
-    """Parameter that is searched, with its range."""
+    """Parameter that is searched, with its range; `is_log`: on a logarithmic scale."""
 
     name: str
     low: float
@@ -47,7 +47,7 @@ class Range(NamedTuple):
 
 
 class Candidate(NamedTuple):
-    """Values of the searched parameters, and the objectives, infinite with lost runs."""
+    """Values of the searched parameters by name, and both objectives, infinite with lost runs."""
 
     values: dict[str, float]
     objectives: tuple[float, float]
@@ -60,14 +60,14 @@ class Tuning(NamedTuple):
     Attributes
     ----------
     start
-        values of the scenario.
+        Candidate with the values of the scenario; its `values` are empty.
     candidates
-        all evaluated candidates.
+        All evaluated candidates.
     front
-        those that no other one surpasses, by the first objective.
+        Candidates that no other one surpasses, sorted by the first objective.
     chosen
-        of the front the smallest first objective with a second one not larger than that of the
-        scenario's values; without such a candidate the one nearest to the smallest objectives.
+        Candidate of the front with the smallest first objective whose second one does not exceed
+        that of `start`. Without such a candidate it is the one nearest to the smallest objectives.
 
     """
 
@@ -78,7 +78,7 @@ class Tuning(NamedTuple):
 
 
 def searched(text: str) -> Range:
-    """Return the range of `--tune`, see FORM; InputError for another text or an empty range."""
+    """Return the range of a text of `--tune`, see FORM; InputError for an invalid or empty one."""
     name, _, values = text.partition('=')
     parts = values.split(':')
     is_log = parts[2:] == ['log']
@@ -95,7 +95,12 @@ def searched(text: str) -> Range:
 
 
 def variables_of(campaign: Campaign, ranges: Sequence[Range]) -> list[Variable]:
-    """Return the searched parameters; InputError for one that is no number or out of range."""
+    """
+    Return the searched parameters as variables of a campaign.
+
+    Raises InputError if a parameter is unknown or no number, if it appears twice or is also drawn,
+    or if its range exceeds its bounds.
+    """
     variables = []
     for entry in ranges:
         place = f'--tune {entry.name}'
@@ -116,7 +121,19 @@ def variables_of(campaign: Campaign, ranges: Sequence[Range]) -> list[Variable]:
 
 
 def with_values(run: Run, variables: Sequence[Variable], values: Sequence[float]) -> Run:
-    """Return a run with the values of a candidate."""
+    """
+    Return a run with the values of a candidate.
+
+    Parameters
+    ----------
+    run
+        Run of the campaign, which is not modified.
+    variables
+        Searched parameters.
+    values
+        Their values, in the same order.
+
+    """
     scenario = {node: dict(of_node) for node, of_node in run.scenario.items()}
     for variable, value in zip(variables, values, strict=True):
         variable.write(scenario, value)
@@ -140,15 +157,15 @@ class Evaluation:
         Parameters
         ----------
         campaign
-            its runs are those of each candidate.
+            Campaign whose runs are those of each candidate.
         variables
-            searched parameters.
+            Searched parameters.
         objectives
-            two metrics.
+            Two metrics.
         percentile
-            percentile of the metrics over the runs; 100 is the worst case.
+            Percentile of the metrics over the runs; 100 is the worst case.
         threads
-            number of threads.
+            Number of threads.
 
         """
         self._runs = list(campaign.runs(0, campaign.total))
@@ -158,7 +175,7 @@ class Evaluation:
     def __call__(
         self, candidates: Sequence[Sequence[float] | None]
     ) -> list[tuple[float, float]]:
-        """Return the objectives of candidates; None for the values of the scenario."""
+        """Return both objectives of each candidate; None stands for the values of the scenario."""
         runs = [
             run if values is None else with_values(run, self._variables, values)
             for values in candidates
@@ -191,7 +208,28 @@ def tuned(
     seed: int,
     advance: Callable[[int], object] = lambda _: None,
 ) -> Tuning:
-    """Search; `advance` is called with the number of candidates that are evaluated."""
+    """
+    Return the result of a search.
+
+    Parameters
+    ----------
+    evaluate
+        Evaluation of candidates.
+    ranges
+        Searched parameters with their ranges, in the order of the variables of `evaluate`.
+    evaluations
+        Number of candidates.
+    seed
+        Seed of the search.
+    advance
+        Called after each generation with the number of its candidates.
+
+    Raises
+    ------
+    InputError
+        if every candidate has a run that diverged.
+
+    """
     import optuna
 
     optuna.logging.set_verbosity(optuna.logging.ERROR)
@@ -216,7 +254,7 @@ def tuned(
 
 
 def pareto_front(candidates: Sequence[Candidate]) -> list[Candidate]:
-    """Return the candidates that no other one surpasses, by the first objective."""
+    """Return the finite candidates that no other one surpasses, sorted by the first objective."""
     front: list[Candidate] = []
     for candidate in sorted(candidates, key=lambda entry: entry.objectives):
         is_better = not front or candidate.objectives[1] < front[-1].objectives[1]

@@ -26,13 +26,13 @@ def tuned_file(
     Parameters
     ----------
     file
-        parameter file of the scenario.
+        Parameter file of the scenario.
     settings
-        settings of `--set`.
+        Texts NAME=VALUE of `--set`.
     variables
-        tuned parameters.
+        Tuned parameters.
     values
-        their values by name.
+        Tuned values by the names of the variables.
 
     """
     original, scenario = load_scenario(file), load_scenario(file, settings)

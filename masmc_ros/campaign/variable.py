@@ -30,16 +30,16 @@ Scenario = dict[str, dict[str, Any]]
 @dataclass(frozen=True)
 class Variable:
     """
-    Parameter, or an entry of an array.
+    Parameter of a scenario, or an entry of an array, that differs between runs.
 
     Attributes
     ----------
     name
-        NODE.parameter or a shared parameter, as of `--set`; with [INDEX] an entry of an array.
+        NODE.parameter or a shared parameter, as in `--set`; with [INDEX] an entry of an array.
     readers
-        Declaration of the parameter, by each node that reads it.
+        Declaration of the parameter by each node that reads it.
     index
-        Index of the entry; None for the parameter.
+        Index of the entry, from 0; None for a whole parameter.
 
     """
 
@@ -49,7 +49,24 @@ class Variable:
 
     @classmethod
     def named(cls, name: str, mechanism: Mechanism, place: str) -> Variable:
-        """Return the variable of a name; InputError, starting with `place`, without such one."""
+        """
+        Return the variable of a name.
+
+        Parameters
+        ----------
+        name
+            Name as in `--set`, with [INDEX] for an entry of an array.
+        mechanism
+            Type of the robot, which determines the known names.
+        place
+            Start of messages, such as the option.
+
+        Raises
+        ------
+        InputError
+            if no parameter has this name, or if it cannot vary.
+
+        """
         entry = _ENTRY.fullmatch(name)
         variable = cls(
             name,
@@ -74,13 +91,25 @@ class Variable:
         return next(iter(self.readers.values()))
 
     def write(self, scenario: Scenario, value: Any) -> None:
-        """Write a value into a scenario; InputError if a node would reject it."""
+        """Write a value into a scenario, for all nodes; InputError if a node would reject it."""
         for node, parameter in self.readers.items():
             if node in scenario:
                 scenario[node][parameter.name] = self.checked(scenario[node], parameter, value)
 
     def checked(self, values: Mapping[str, Any], parameter: Parameter, value: Any) -> Value:
-        """Return the checked value of the parameter; `values` has the other entries."""
+        """
+        Return the checked value of the parameter for a node.
+
+        Parameters
+        ----------
+        values
+            Values of the node by name; they contain the other entries of an array.
+        parameter
+            Declaration of the parameter by the node.
+        value
+            Value of the variable.
+
+        """
         if parameter.kind == 'integer' and isinstance(value, float) and value.is_integer():
             value = int(value)
         if self.index is not None:
@@ -90,7 +119,7 @@ class Variable:
         return parameter.check(value, integers_for_doubles=True)
 
     def column(self, values: Sequence[Any]) -> NDArray[Any]:
-        """Return values of several runs as an array of the type of the parameter."""
+        """Return values of several runs as an array (runs) of the type of the parameter."""
         return np.array(values, _TYPES.get(self.parameter.kind, np.float64))
 
     def setting(self, scenario: Scenario) -> str:

@@ -7,8 +7,8 @@ Physically consistent inertial parameters, as linear matrix inequalities.
 Parameters are consistent if the pseudo-inertia of each body, or the consistency matrix of the
 mechanism, is positive definite (Traversaro, Brossette, Escande and Nori 2016; Wensing, Kim and
 Slotine 2018). Both are linear in the parameters. Here they are scaled by the Cholesky factor C of
-the nominal matrix, C^-1 P C^-T = I + ..., in which the distance between two robots does not
-depend on units and frames (Lee, Wensing and Park 2020).
+the nominal matrix: C^-1 P C^-T = I + ... The distance between two scaled robots does not depend on
+units and frames (Lee, Wensing and Park 2020).
 """
 
 from __future__ import annotations
@@ -37,26 +37,31 @@ _PER_BODY = 10
 
 
 class Inequality(NamedTuple):
-    """Matrix `constant` (m, m) + sum of y_i `factors` (p, m, m), which is positive definite."""
+    """
+    Condition that a symmetric matrix is positive definite: constant + sum of y_i factors_i.
+
+    `constant` (m, m) is that of the nominal robot, `factors` (p, m, m) belong to the p scaled
+    parameters y.
+    """
 
     constant: Array
     factors: Array
 
     def matrix(self, y: Array) -> Array:
-        """Return the matrix (m, m)."""
+        """Return the matrix (m, m) of scaled parameters y (p)."""
         return np.asarray(self.constant + np.einsum('p,pij->ij', y, self.factors))
 
 
 class Scale(NamedTuple):
     """
-    Scaled coordinates y of all parameters: x = nominal + `scale` y.
+    Scaled coordinates y of all p parameters: x = nominal + `scale` y.
 
     Attributes
     ----------
     nominal
-        (p) nominal parameters: inertial ones, then viscous and Coulomb friction.
+        (p) Nominal parameters: inertial ones, then viscous and Coulomb friction.
     scale
-        (p, p).
+        (p, p) Matrix that maps y to changes of the parameters.
     inequalities
         Conditions on the inertial parameters.
     first_friction
@@ -70,7 +75,7 @@ class Scale(NamedTuple):
     first_friction: int
 
     def parameters(self, y: Array) -> Array:
-        """Return the parameters (p)."""
+        """Return the parameters (p), in SI units, of scaled ones y (p)."""
         return np.asarray(self.nominal + self.scale @ y)
 
     def prior(self) -> Array:
@@ -87,18 +92,19 @@ class Scale(NamedTuple):
 
 def scaled(robot: Robot, theta: Array, friction: Array, friction_scale: Array) -> Scale:
     """
-    Return scaled parameters.
+    Return the scaled parameters of a nominal robot with n joints.
 
     Parameters
     ----------
     robot
-        Frictionless robot.
+        Robot without friction.
     theta
-        (p) nominal inertial parameters.
+        (q) Nominal inertial parameters.
     friction
-        (2 n) nominal coefficients of friction.
+        (2 n) Nominal coefficients of viscous friction in N·m·s/rad, then those of Coulomb
+        friction in N·m.
     friction_scale
-        (2 n) expected size of these coefficients.
+        (2 n) Expected size of these coefficients, which is their prior deviation.
 
     """
     first = len(theta)
@@ -203,7 +209,7 @@ def _symmetric_basis(size: int) -> Array:
 
 
 def is_consistent(scale: Scale, y: Array) -> bool:
-    """Return True if all matrices of scaled parameters (p) are positive definite."""
+    """Return True if scaled parameters y (p) satisfy all inequalities, and friction is >= 0."""
     least = min(np.linalg.eigvalsh(each.matrix(y))[0] for each in scale.inequalities)
     friction = scale.parameters(y)[scale.first_friction:]
     return bool(least >= _LEAST and (friction >= 0.0).all())
@@ -213,7 +219,18 @@ def nearest_consistent(scale: Scale, target: Array, metric: Array) -> Array:
     """
     Return the consistent y (p) with the smallest (y - target)' metric (y - target).
 
-    Clarabel, an interior-point solver (Goulart and Chen 2024), solves this semidefinite program.
+    Clarabel, an interior-point solver (Goulart and Chen 2024), solves this semidefinite program. A
+    consistent target is returned unmodified.
+
+    Parameters
+    ----------
+    scale
+        Scaled parameters with their inequalities.
+    target
+        (p) Scaled parameters.
+    metric
+        (p, p) Positive definite matrix.
+
     """
     if is_consistent(scale, target):
         return target

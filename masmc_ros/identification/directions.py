@@ -33,14 +33,14 @@ _MOST_NAMES = 4
 
 
 class Direction(NamedTuple):
-    """Combination of parameters: names, and factors relative to their prior deviations."""
+    """Combination of parameters: names, and factors in units of their prior deviations."""
 
     names: tuple[str, ...]
     factors: tuple[float, ...]
 
     @property
     def text(self) -> str:
-        """Return it as a sum."""
+        """Return the combination as a sum, such as `mass - 0.5 offset`."""
         parts = [
             f'{"-" if factor < 0 else "+"} {abs(factor):.2g} {name}'
             for name, factor in zip(self.names, self.factors, strict=True)
@@ -49,7 +49,11 @@ class Direction(NamedTuple):
 
 
 def base_parameters(robot: Robot, scale: Scale) -> Array:
-    """Return orthonormal scaled combinations (p, r) that have an effect on some motion."""
+    """
+    Return an orthonormal basis (p, r) of the scaled combinations that affect some motion.
+
+    It is computed from random states, without a run. `scale` has p parameters.
+    """
     random = np.random.default_rng(0)
     mechanism = robot.mechanism
     joints = len(mechanism.joints)
@@ -68,7 +72,7 @@ def base_parameters(robot: Robot, scale: Scale) -> Array:
 
 
 def unexcited(identified: Identified, base: Array) -> list[Direction]:
-    """Return the combinations in the base (p, r) that the run did not excite."""
+    """Return the combinations within the base (p, r) of a robot that the run did not excite."""
     scale = identified.scale
     prior = scale.prior()
     root = np.linalg.cholesky(base.T @ prior @ base)

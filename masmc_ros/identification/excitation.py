@@ -4,9 +4,9 @@
 """
 Motions that excite the parameters of a robot: Fourier series of the joints within limits.
 
-The series is periodic (Swevers, Ganseman, Tükel, De Schutter and Van Brussel 1997). Of many random
-ones within the limits of position, speed and torque, the one with the smallest condition number of
-the scaled base parameters is chosen and improved. Self-collisions are not checked.
+The series is periodic (Swevers, Ganseman, Tükel, De Schutter and Van Brussel 1997). Many random
+series are scaled to the limits of position, speed and torque. The one with the smallest condition
+number of the scaled base parameters is selected and improved. Self-collisions are not checked.
 """
 
 from __future__ import annotations
@@ -60,16 +60,16 @@ _SHRINKINGS = 60
 @dataclass(frozen=True)
 class Limits:
     """
-    Limits of n joints.
+    Limits of the motion of n joints.
 
     Attributes
     ----------
     deviation
-        (n) largest deviation from the start in rad or m.
+        (n) Largest deviation from the start in rad or m.
     speed
-        (n) in rad/s or m/s.
+        (n) Largest speed in rad/s or m/s.
     torque
-        (n) in N·m or N; infinite without a limit.
+        (n) Largest torque in N·m or N; infinite without a limit.
 
     """
 
@@ -86,11 +86,11 @@ class Series:
     Attributes
     ----------
     start
-        (n) positions in rad or m.
+        (n) Positions at the start in rad or m.
     sines, cosines
-        (n, harmonics) amplitudes.
+        (n, harmonics) Amplitudes in rad or m.
     duration
-        in s.
+        Duration of the motion in s.
 
     """
 
@@ -100,7 +100,7 @@ class Series:
     duration: float
 
     def at(self, times: Array) -> tuple[Array, Array, Array]:
-        """Return positions, rates and accelerations (N, n) at times (N) in s."""
+        """Return positions, rates and accelerations, each (N, n), at times (N) in s."""
         omega = 2.0 * np.pi / PERIOD * np.array(_HARMONICS)
         s, c = np.sin(np.outer(times, omega)), np.cos(np.outer(times, omega))
         position = s @ self.sines.T + c @ self.cosines.T
@@ -119,7 +119,7 @@ class Series:
         )
 
     def times_factors(self, factors: Array | float) -> Series:
-        """Return the series with amplitudes multiplied by factors (n)."""
+        """Return the series with amplitudes multiplied by a factor, or by factors (n)."""
         by = np.broadcast_to(factors, len(self.start))[:, None]
         return Series(self.start, by * self.sines, by * self.cosines, self.duration)
 
@@ -128,16 +128,16 @@ def limits_of(
     robot: Robot, start: Array, torque: Array, amplitude: float
 ) -> Limits:
     """
-    Return the limits of a motion.
+    Return the limits of an exciting motion, with margins to those of the robot.
 
     Parameters
     ----------
     robot
-        Robot.
+        Robot with n joints.
     start
-        (n) positions of the joints in rad or m.
+        (n) Positions of the joints at the start in rad or m.
     torque
-        (n) largest torques in N·m or N; 0: no limit.
+        (n) Largest torques in N·m or N; 0: no limit.
     amplitude
         Largest deviation of joints that do not move the base, in rad or m.
 
@@ -164,7 +164,24 @@ def exciting_series(
     """
     Return a series within limits, and the condition number of the scaled base parameters.
 
-    Raises InputError if the robot cannot hold its start within the limits of the torques.
+    Parameters
+    ----------
+    nominal
+        Nominal robot with n joints.
+    start
+        (n) Positions of the joints at the start in rad or m.
+    limits
+        Limits of the motion.
+    duration
+        Duration of the motion in s.
+    seed
+        Seed of the random series.
+
+    Raises
+    ------
+    InputError
+        if the robot cannot hold its start within the limits of the torques.
+
     """
     random = np.random.default_rng(seed)
     joints = len(start)

@@ -41,7 +41,7 @@ _UNUSED = ('recorder', 'live')
 
 
 class Excitation(NamedTuple):
-    """Written motion: its condition number, and largest deviations and speeds (n)."""
+    """Exciting motion: condition number, and largest deviations (n) and speeds (n) of joints."""
 
     condition: float
     deviation: Array
@@ -69,11 +69,17 @@ def write_exciting(
     source
         Name of the scenario, for a comment.
     duration
-        of the motion in s.
+        Duration of the motion in s.
     amplitude
         Largest deviation of joints that do not move the base, in rad or m.
     seed
-        of the search.
+        Seed of the search.
+
+    Raises
+    ------
+    InputError
+        if the duration is shorter than PERIOD, if the robot cannot hold its start within the
+        limits of the torques, or if its type cannot be identified.
 
     """
     if duration < PERIOD:

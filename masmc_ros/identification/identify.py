@@ -4,10 +4,13 @@
 """
 Identification of a robot from a run: timing, friction and inertial parameters.
 
-Weighted least squares in scaled parameters y, with the nominal robot as a prior of unit variance
-in each of them: what the motion does not excite stays nominal. Each joint has the weight of its
-residual (Gautier 1997). Parameters that no robot can have are moved to the nearest consistent ones
-in the metric of the data.
+The method is weighted least squares in scaled parameters y. The nominal robot is a prior with unit
+variance of each of them, so parameters that the motion does not excite stay nominal. The weight of
+a joint follows from its residual (Gautier 1997). Physically inconsistent results are moved to the
+nearest consistent parameters in the metric of the data.
+
+Shapes: n joints, q inertial parameters, p = q + 2 n parameters with viscous and Coulomb friction,
+W windows.
 """
 
 from __future__ import annotations
@@ -64,11 +67,11 @@ class Measured:
     Attributes
     ----------
     equations
-        of the motion.
+        Equations of motion, averaged over the windows.
     windows
-        of the averages.
+        Windows in time.
     samples
-        of the run.
+        States and commands of the run.
 
     """
 
@@ -77,13 +80,13 @@ class Measured:
     samples: Samples
 
     def torque(self, latency: float, lag: float) -> Array:
-        """Return the averages (W, n) of the torques that acted."""
+        """Return the averages (W, n) of the acting torques for a latency and a motor lag in s."""
         times, commands = self.samples.command_times, self.samples.commands
         smoothing = self.samples.smoothing
         return average_of_held(times, commands, self.windows, latency, lag, smoothing)
 
     def predicted(self, parameters: Array) -> Array:
-        """Return the averages (W, n) of the torques that parameters (p + 2 n) explain."""
+        """Return the averages (W, n) of the torques that parameters (p) explain."""
         return self.equations.known + self.equations.matrix @ parameters
 
 
@@ -95,22 +98,22 @@ class Identified:
     Attributes
     ----------
     names, units
-        of the parameters (p + 2 n): inertial ones, then viscous and Coulomb friction.
+        (p) Names and units of the parameters: inertial ones, then viscous and Coulomb friction.
     nominal, values, errors
-        (p + 2 n) nominal and identified parameters, and standard errors.
+        (p) Nominal and identified parameters, and standard errors.
     is_excited
-        (p + 2 n) True if the motion determined the parameter and not the prior.
+        (p) True if the motion determined the parameter, and not the prior.
     timing
         Latency and motor lag.
     residual
         (n) RMS of the torques that the identified robot does not explain, relative to the RMS
         torque of the joint.
     nominal_residual
-        (n) the same of the nominal robot.
+        (n) The same for the nominal robot.
     deviations
-        (n) standard deviations of the averaged torques in N·m or N.
+        (n) Standard deviations of the averaged torques in N·m or N.
     information
-        (p + 2 n, p + 2 n) of the scaled parameters in the data.
+        (p, p) Information of the data on the scaled parameters, without the prior.
     scale
         Scaled parameters.
 
@@ -131,7 +134,24 @@ class Identified:
 
 
 def measured(robot: Robot, samples: Samples, where: str = 'run') -> Measured:
-    """Return the averaged equations of a run; InputError if there are too few windows."""
+    """
+    Return the averaged equations of motion of a run.
+
+    Parameters
+    ----------
+    robot
+        Robot without friction; its inertial parameters are not used.
+    samples
+        States and commands of the run.
+    where
+        Name of the run in messages.
+
+    Raises
+    ------
+    InputError
+        if there are too few windows without a gap.
+
+    """
     half = samples.half
     windows = windows_in(samples.times, half, samples.valid, LARGEST + half)
     if len(windows.centres) < _FEWEST_WINDOWS:
@@ -144,7 +164,7 @@ def measured(robot: Robot, samples: Samples, where: str = 'run') -> Measured:
 
 
 def identify(nominal: Nominal, run: Measured) -> Identified:
-    """Return the identified parameters of a run."""
+    """Return timing and parameters of the robot in a run, with the nominal robot as prior."""
     torque = run.torque(0.0, 0.0)
     size = np.sqrt(np.mean((torque - np.mean(torque, axis=0)) ** 2, axis=0))
     speed = np.sqrt(np.mean(run.samples.rates**2, axis=0)) + 1.0e-3
@@ -189,7 +209,7 @@ def identify(nominal: Nominal, run: Measured) -> Identified:
 
 
 def relative_error(torque: Array, predicted: Array) -> Array:
-    """Return the RMS of predictions (W, n) minus torques, relative to the RMS torque (n)."""
+    """Return the RMS (n) of torques (W, n) minus predictions, relative to the RMS torques."""
     missing, size = np.mean((torque - predicted) ** 2, axis=0), np.mean(torque**2, axis=0)
     return np.sqrt(missing / np.maximum(size, 1.0e-30))
 

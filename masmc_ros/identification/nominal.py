@@ -25,9 +25,10 @@ _SCALE = 'model_scale'
 
 def nominal_of(values: Mapping[str, Any]) -> Nominal:
     """
-    Return the robot that a controller with these values assumes, checked or not.
+    Return the robot that a controller with these values assumes, scaled by `model_scale`.
 
-    Raises InputError for an invalid robot.
+    The values need not be checked, and defaults may be missing. Raises InputError for an invalid
+    robot.
     """
     assumed = _robot(values)
     robot = assumed
@@ -41,7 +42,11 @@ def nominal_of(values: Mapping[str, Any]) -> Nominal:
 
 
 def nominal_of_run(run: Run) -> Nominal:
-    """Return the robot that the controller of a run assumed; InputError if the log lacks it."""
+    """
+    Return the robot that the controller of a run assumed, otherwise that of the plant.
+
+    Raises InputError if the log contains the parameters of neither, or an invalid robot.
+    """
     for node in ('controller', 'plant'):
         if node in run.parameters:
             return nominal_of(run.parameters[node])
@@ -60,10 +65,20 @@ def _robot(values: Mapping[str, Any]) -> Robot:
 
 def of_its_kind(robot: Robot, function: str) -> Any:
     """
-    Return a function of the module `identified` in the package of a mechanism.
+    Return a function of the module `identified` in the package of a type of robot.
 
-    These are `payload_factors`, `values_of` and `exciting_task`. Raises InputError for a mechanism
-    without this module.
+    Parameters
+    ----------
+    robot
+        Robot.
+    function
+        Name of the function: `payload_factors`, `values_of` or `exciting_task`.
+
+    Raises
+    ------
+    InputError
+        if the type of robot has no such module.
+
     """
     package = robot.mechanism.module.rpartition('.')[0]
     try:
@@ -76,7 +91,7 @@ def of_its_kind(robot: Robot, function: str) -> Any:
 
 
 def consistent_values(nominal: Nominal, parameters: Array) -> dict[str, Any]:
-    """Return the values of `robot.` parameters of identified parameters (p + 2 n)."""
+    """Return the values of `robot.` parameters for consistent parameters (p) of a robot."""
     robot, inertial = nominal.robot, len(nominal.theta)
     values: dict[str, Any] = of_its_kind(robot, 'values_of')(robot, parameters[:inertial])
     if any(parameter.name == _FRICTION for parameter in robot.mechanism.parameters):

@@ -30,11 +30,11 @@ def write_identified(
     Parameters
     ----------
     path
-        Parameter file to write; a description is written next to it, as *.urdf.
+        Parameter file to write. For a robot from a URDF, another URDF is written next to it.
     nominal
         Nominal robot.
     identified
-        Its identification.
+        Results of the identification.
     source
         Name of the run, for a comment.
 
@@ -65,7 +65,19 @@ def write_identified(
 def write_parameters(
     path: Path, nodes: Mapping[str, Mapping[str, Any]], comments: list[str]
 ) -> None:
-    """Write a ROS 2 parameter file of values by node, or EVERY, and name, after comments."""
+    """
+    Write a ROS 2 parameter file.
+
+    Parameters
+    ----------
+    path
+        File to write.
+    nodes
+        Values by node, or by EVERY for all nodes, and by name.
+    comments
+        Lines of comments at the start of the file.
+
+    """
     lines = [f'# {comment}' for comment in comments]
     for node, values in nodes.items():
         lines += [f'{EVERY}:' if node == EVERY else f'{EVERY}/{node}:', '  ros__parameters:']

@@ -37,9 +37,9 @@ class Payload(NamedTuple):
     Attributes
     ----------
     mass, mass_error
-        in kg, with the standard error.
+        Mass in kg, and its standard error.
     centre, centre_error
-        (3) centre of mass in m, with the standard error.
+        (3) Centre of mass in m, and its standard errors.
     residual
         (n) RMS of the torques that the payload does not explain, relative to the RMS torque.
 
@@ -53,7 +53,7 @@ class Payload(NamedTuple):
 
     @property
     def is_significant(self) -> bool:
-        """Return True if the mass exceeds its standard error, and explains the torques."""
+        """Return True if the mass exceeds three standard errors, and explains the torques."""
         explains = bool((self.residual < _UNEXPLAINED).all())
         return explains and self.mass > max(3.0 * self.mass_error, _LIGHTEST)
 
@@ -69,12 +69,12 @@ def payload_of(
     nominal
         Robot without payload.
     factors
-        (p, 10) changes of its inertial parameters by mass, first and second moments of a payload
-        in the frame of the last link; zero for those that have no effect.
+        (q, 10) Changes of its q inertial parameters by mass, first and second moments of a payload
+        in the frame of the last link; zero for moments without effect.
     run
         Run with the payload.
     identified
-        Its identification; of its results the timing and the noise are used.
+        Identification of the run; its timing and its noise are used.
 
     """
     before = np.concatenate([nominal.theta, nominal.friction])

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Regressor of a robot's equations of motion, averaged over windows; see `windows`."""
+"""Regressor of the equations of motion of a robot, averaged over windows; see `windows`."""
 
 from __future__ import annotations
 
@@ -41,10 +41,10 @@ class Equations(NamedTuple):
     Attributes
     ----------
     matrix
-        (W, joints, parameters + 2 joints) factors of inertial parameters, viscous and Coulomb
-        friction.
+        (W, n, q + 2 n) Factors of q inertial parameters, and of viscous and Coulomb friction of n
+        joints.
     known
-        (W, joints) torques that depend on no parameter: those of rotors, in N·m.
+        (W, n) Torques that depend on no parameter, those of rotors, in N·m.
 
     """
 
@@ -53,7 +53,7 @@ class Equations(NamedTuple):
 
 
 def record_of(robot: Robot, theta: Array) -> NDArray[np.void]:
-    """Return the record (1) of a robot and inertial parameters for kernels."""
+    """Return an array of one record with a robot and its inertial parameters (q), for kernels."""
     body = new_record(_BODY, robot.mechanism.sizes, 1, {'mechanism': robot.mechanism.tag})
     fill(body, 'geometry', robot.geometry)
     fill(body, 'theta', theta)
@@ -62,18 +62,18 @@ def record_of(robot: Robot, theta: Array) -> NDArray[np.void]:
 
 def averaged(robot: Robot, position: Array, rates: Array, weights: Weights) -> Equations:
     """
-    Return the equations of motion over windows.
+    Return the equations of motion, averaged over windows.
 
     Parameters
     ----------
     robot
-        Frictionless robot; its inertial parameters are not used.
+        Robot without friction; its inertial parameters are not used.
     position
-        (N, positions) in m and rad.
+        (N, positions) Positions in m and rad.
     rates
-        (N, joints) in rad/s or m/s.
+        (N, n) Joint rates in rad/s or m/s.
     weights
-        Weights of the N samples.
+        Weights of the N samples in the windows.
 
     """
     joints, parameters = rates.shape[1], len(robot.theta)
@@ -90,7 +90,15 @@ def instantaneous(robot: Robot, position: Array, rates: Array, acceleration: Arr
     """
     Return the equations of motion at N states, in place of averages over windows.
 
-    Positions (N, positions), rates and accelerations (N, joints) are in m, rad and s.
+    Parameters
+    ----------
+    robot
+        Robot without friction; its inertial parameters are not used.
+    position
+        (N, positions) Positions in m and rad.
+    rates, acceleration
+        (N, n) Joint rates and accelerations in rad/s and rad/s², or m/s and m/s².
+
     """
     joints, parameters = rates.shape[1], len(robot.theta)
     matrix = np.zeros((len(position), joints, parameters + len(FRICTIONS) * joints))
@@ -140,8 +148,8 @@ def _add_samples(
     """
     Add samples (N) to the equations of their windows, row by row in joint torques.
 
-    With v_j the motion of joint j alone, the row of momentum is Y(0, 0, v)' v_j without gravity,
-    and that of C' v is Y(v, v_j, 0)' v without gravity, because Hdot - 2 C is skew-symmetric.
+    v_j is the motion of joint j alone. Without gravity, the row of momentum is Y(0, 0, v)' v_j,
+    and that of C' v is Y(v, v_j, 0)' v, because Hdot - 2 C is skew-symmetric.
     """
     record = lane_of(body[0], 0)
     theta = record.theta

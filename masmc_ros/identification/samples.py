@@ -47,15 +47,15 @@ class Samples:
     Attributes
     ----------
     times
-        (N) stamps of the states in s, ascending.
+        (N) Stamps of the states in s, ascending.
     position
-        (N, positions) in m and rad.
+        (N, positions) Positions in m and rad.
     velocity
-        (N, n) measured rates of the joints in rad/s or m/s, NaN if they were not measured.
+        (N, n) Measured joint rates in rad/s or m/s, NaN if they were not measured.
     command_times
-        (M) stamps of the states that the commands answer, in s, ascending.
+        (M) Stamps of the states that the commands answer, in s, ascending.
     commands
-        (M, n) commanded torques in N·m or N.
+        (M, n) Commanded torques in N·m or N.
 
     """
 
@@ -72,12 +72,12 @@ class Samples:
 
     @property
     def half(self) -> float:
-        """Return half of the length of a window in s."""
+        """Return half of the length of a window of averages in s."""
         return max(_SHORTEST_HALF, _FEWEST_PERIODS * self.period)
 
     @cached_property
     def differences(self) -> Array:
-        """Return the factors (2 m + 1) in 1/s of neighbouring positions in a rate."""
+        """Return the factors (2 m + 1) in 1/s of neighbouring positions whose sum is a rate."""
         from scipy.signal import savgol_coeffs
 
         count = max(_SMOOTH_PERIODS, round(_SHORTEST_SMOOTHING / self.period))
@@ -94,7 +94,7 @@ class Samples:
 
     @property
     def smoothing(self) -> Average | None:
-        """Return the weights of the true rates in those of `rates`; None if these are measured."""
+        """Return the average of the true rates that `rates` is; None if rates are measured."""
         if self.has_rates:
             return None
         return Average(np.cumsum(self.differences[:0:-1]) , self.period)
@@ -123,7 +123,7 @@ class Samples:
 
     @property
     def valid(self) -> NDArray[np.bool_]:
-        """Return True for the intervals between states (N - 1) without a gap."""
+        """Return (N - 1) True for the intervals between states without a gap."""
         valid = _without_gap(self.times)
         commanded = _without_gap(self.command_times)
         # Numbers of the commands before each state; a last one is held until the next period.
@@ -140,7 +140,7 @@ def samples_of(run: Run) -> Samples:
     """
     Return the states and commands of a logged run.
 
-    Raises InputError for a run without torques, a short one, and one without motion.
+    Raises InputError for a run without commanded torques, with too few states, or without motion.
     """
     if run.commands_rates:
         raise InputError(

@@ -4,9 +4,9 @@
 """
 Latency and motor lag: best alignment of commands with the measured motion.
 
-The averaged equations of motion are linear in the parameters, so they are eliminated (variable
-projection, Golub and Pereyra 1973): the remaining residual depends on the latency L and the lag
-alone. L is the age of a state when the torque computed from it starts to act.
+The averaged equations of motion are linear in the parameters, which are therefore eliminated
+(variable projection, Golub and Pereyra 1973). The remaining residual depends on the latency L and
+the lag alone. L is the age of a state when the torque computed from it starts to act.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _SHARES = (0.1, 0.5, 0.9)
 
 
 class Estimate(NamedTuple):
-    """Value and its standard error."""
+    """Value and its standard error, in the same unit."""
 
     value: float
     error: float
@@ -48,10 +48,15 @@ class Timing(NamedTuple):
 
 def fit_timing(residual: Callable[[float, float], Array], near: Timing | None = None) -> Timing:
     """
-    Return latency and motor lag with the smallest residual.
+    Return the latency and the motor lag with the smallest residual.
 
-    `residual` returns the projected and weighted residuals (r) of a latency and a lag in s. With
-    an estimate `near` the minimum, the search starts there.
+    Parameters
+    ----------
+    residual
+        Function of latency and lag in s that returns the projected and weighted residuals (r).
+    near
+        Estimate from which the search starts; None: a search over the whole range.
+
     """
     from scipy.optimize import least_squares
 

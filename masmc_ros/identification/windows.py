@@ -28,23 +28,23 @@ _GRID = 4000
 
 
 def weight(x: Array) -> Array:
-    """Return the weight (1 - x²)³, scaled to an integral of 1 over -1 < x < 1; 0 outside."""
+    """Return the weight 35/32 (1 - x²)³ for -1 < x < 1, with an integral of 1, and 0 outside."""
     return np.asarray(35.0 / 32.0 * np.clip(1.0 - x * x, 0.0, None) ** 3)
 
 
 def weight_slope(x: Array) -> Array:
-    """Return the derivative of `weight`."""
+    """Return the derivative of `weight` by x."""
     return np.asarray(-6.0 * 35.0 / 32.0 * x * np.clip(1.0 - x * x, 0.0, None) ** 2)
 
 
 class Windows(NamedTuple):
     """
-    Windows in time.
+    Windows in time of equal length.
 
     Attributes
     ----------
     centres
-        (W) times of their middles in s, ascending.
+        (W) Times of their middles in s, ascending.
     half
         Half of their length in s.
 
@@ -56,16 +56,16 @@ class Windows(NamedTuple):
 
 class Weights(NamedTuple):
     """
-    Weights of N samples in the windows that contain them, at most M for each sample.
+    Weights of N samples in the windows that contain them, at most M windows for each sample.
 
     Attributes
     ----------
     window
-        (N, M) numbers of the windows; -1 for no window.
+        (N, M) Indices of the windows; -1 for no window.
     mean
-        (N, M) weights of the sample in the average.
+        (N, M) Weights of the sample in the average.
     slope
-        (N, M) weights of the sample in the average of its derivative, in 1/s.
+        (N, M) Weights of the sample in the average of its derivative, in 1/s.
 
     """
 
@@ -81,7 +81,7 @@ class Average(NamedTuple):
     Attributes
     ----------
     weights
-        (2 m) of the intervals.
+        (2 m) Weights of the intervals in 1/s; their sum times `period` is 1.
     period
         Length of an interval in s.
 
@@ -112,13 +112,13 @@ def windows_in(times: Array, half: float, valid: NDArray[np.bool_], margin: floa
     Parameters
     ----------
     times
-        (N) times of the samples in s.
+        (N) Times of the samples in s, ascending.
     half
         Half of the length of a window in s.
     valid
         (N - 1) True for intervals between samples without a gap.
     margin
-        Time in s before a window in which the samples must be valid as well.
+        Time in s before a window in which the intervals must be valid as well.
 
     """
     centres = np.arange(times[0] + half + margin, times[-1] - half, half)
@@ -129,7 +129,7 @@ def windows_in(times: Array, half: float, valid: NDArray[np.bool_], margin: floa
 
 
 def sample_weights(times: Array, windows: Windows) -> Weights:
-    """Return the weights of samples at times (N) in s, by the trapezoidal rule."""
+    """Return the weights of samples at times (N) in s in windows, by the trapezoidal rule."""
     steps = np.diff(times)
     share = np.concatenate([[0.0], steps]) / 2.0 + np.concatenate([steps, [0.0]]) / 2.0
     half = windows.half
@@ -153,22 +153,22 @@ def average_of_held(
     smoothing: Average | None = None,
 ) -> Array:
     """
-    Return the averages (W, k) of delayed values, each held until the next one.
+    Return the averages (W, k) of k delayed values, each held until the next one.
 
     Parameters
     ----------
     times
-        (M) times of the values in s, ascending.
+        (M) Times of the values in s, ascending.
     values
-        (M, k).
+        (M, k) Values.
     windows
-        Windows of the average.
+        W windows of the average.
     delay
         Delay of the values in s.
     lag
-        Time constant of a first-order lag after the delay, in s.
+        Time constant in s of a first-order lag after the delay; 0: no lag.
     smoothing
-        Additional average.
+        Average of the rates, if they are not measured; None: no additional average.
 
     """
     half = windows.half + (0.0 if smoothing is None else smoothing.half)

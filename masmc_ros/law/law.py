@@ -4,8 +4,8 @@
 """
 Interface of a control law.
 
-A control law is a `Law` object, defined in a module of its own, with the gains and state
-variables it declares and one to three compiled functions (`@formula`):
+A control law is a `Law` object in a separate module. It declares gains and state variables, and
+has one to three compiled functions (`@formula`):
 
     torque(settings, tick, memory) -> joint torques
     learn(settings, tick, memory, raw, torque)

@@ -105,7 +105,7 @@ def _estimate(settings: Any, memory: Any, signals: Any) -> int:
 
 @inlined
 def _finish(settings: Any, memory: Any, signals: Any, estimators: int) -> None:
-    """Tell the estimators the disturbance, and update the law's memory after the tick."""
+    """Pass the disturbance to the estimators, and update the law's memory after the tick."""
     for lane in range(estimators):
         gains, state = lane_of(settings, lane), lane_of(memory, lane)
         if gains.velocity_source == ESTIMATED:

@@ -13,9 +13,9 @@ with gravity g and full inertia H of the nominal model. The reference brakes fro
 velocities at the end of the law: v_r' = -8 v_r, q_r' = v_r. Wheels are held like other joints.
 `gravity` and hand guiding have no stiffness, the term with q - q_r.
 
-The gain alpha is bounded by the period T, an assumed delay of another period, and the time in
-which `torque_rate_limit` lets a torque rise to `torque_limit`. The full inertia is essential: with
-its diagonal alone, damping is stable only at a fifth of the gain.
+Three times bound the gain alpha: the period T, an assumed delay of another period, and the time in
+which `torque_rate_limit` allows a torque to rise to `torque_limit`. The full inertia is essential:
+with its diagonal alone, damping is stable only at a fifth of the gain.
 """
 
 from __future__ import annotations

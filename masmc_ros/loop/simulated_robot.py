@@ -316,9 +316,9 @@ class SimulatedRobot:
         Hold a command (joints) for one period; with None the drives hold the joints.
 
         The command consists of torques in N·m. With `command_interface` velocity it consists of
-        the base velocities and the rates of the joints that do not move the base, with hybrid of
-        the base velocities and the torques of the other joints. Raises InputError if the new
-        state is not finite.
+        the base velocities and the rates of the joints that do not move the base. With hybrid it
+        consists of the base velocities and the torques of these joints. Raises InputError if the
+        new state is not finite.
         """
         moved = self.settings, self.memory, self.delayed, self.tick, self.signals
         if command is None:

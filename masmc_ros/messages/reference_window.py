@@ -117,9 +117,9 @@ class ReferenceWindow:
         Raises
         ------
         InputError
-            For dimensions other than samples x derivative x task, a number of values that does not
-            match them, a set-point without complete positions, velocities or accelerations, an
-            invalid stamp or period, and numbers that are not finite.
+            if dimensions are not samples x derivative x task, or do not match the number of
+            values; if a set-point has incomplete positions, velocities or accelerations; if stamp
+            or period are invalid; or if numbers are not finite.
 
         """
         numbers = np.array(message.data, dtype=np.float64)

@@ -159,17 +159,17 @@ def formula(function: Callable[..., Any]) -> Any:
 
 def inlined(function: Callable[..., Any]) -> Any:
     """
-    Let compiled functions have this one's statements in place of calls.
+    Compile a function such that its statements replace its calls in compiled functions.
 
-    A formula is optimised for itself and again wherever it is inlined, which for what few call
-    and what itself calls nearly everything is most of the compiler's time.
+    The compiler optimises a formula alone and again in each caller that inlines it. This takes
+    most of the compile time if the function has few callers and calls most others.
     """
     settings: Any = config  # its attributes are made when it is imported
     return function if settings.DISABLE_JIT else Kernel(function, njit(inline='always')(function))
 
 
 def kernel(function: Callable[..., Any]) -> Any:
-    """Compile a function over arrays and keep its machine code on disk."""
+    """Compile a function over arrays, and store its compiled code on the disk."""
     compiled = _compile(function)
     settings: Any = config  # its attributes are made when it is imported
     return compiled if settings.DISABLE_JIT else Kernel(function, compiled)
@@ -191,7 +191,7 @@ def is_interpreted(kernel: Any) -> bool:
 
 def bound(kernel: Any, *arguments: Any) -> Callable[..., Any]:
     """
-    Return a kernel as it is for the types of these arguments, compiled if need be.
+    Return the compiled code of a kernel for the types of these arguments.
 
     Raises InputError with one line if it cannot be compiled.
 

@@ -6,8 +6,8 @@ Functions whose compiled code is generated for the types of their arguments.
 
 A formula works on numbers and tuples, and compiled tuples have no loops. Operations on tuples of
 any length, on records and on selected formulas therefore give the compiler the type of the result
-and the instructions directly. They need no separate compilation, and the calling kernel remains an
-ordinary function of a module, whose compiled code persists on the disk, unlike that of a closure.
+and the instructions directly. They need no separate compilation. The calling kernel remains an
+ordinary function of a module, so its compiled code persists on the disk, unlike that of a closure.
 
 The decorated function in plain Python is used without compilation.
 """

@@ -8,7 +8,7 @@ Kernels and loops over lanes create it by `lane_of(record, lane)`. Formulas read
 a number or a vector, and write `memory.estimate = value`. Reading returns a copy.
 
 In compiled code a lane is a pointer to the record and the index of the lane. LLVM keeps both in
-registers and turns each attribute into one load or store per component, with the index of the lane
+registers, and each attribute becomes one load or store per component. The index of the lane is
 innermost, so loops over lanes vectorise.
 """
 

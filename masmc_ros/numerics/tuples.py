@@ -245,7 +245,7 @@ def _unit(compiler: Compiler, kinds: Any, values: Any) -> Any:
 
 
 def matrix_times(columns: tuple[Numbers, ...], x: Numbers) -> Numbers:
-    """Return a matrix, given by its columns, times a vector."""
+    """Return a matrix times a vector; the matrix is a tuple of its columns."""
     return tuple(dot(tuple(c[i] for c in columns), x) for i in range(len(columns[0])))
 
 

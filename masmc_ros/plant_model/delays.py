@@ -4,8 +4,8 @@
 """
 Delays of measurements and commands in whole ticks, with jitter.
 
-A delay is uniform on the whole numbers from its smallest to its largest, by seed and tick. Values
-never arrive in another order: one that a later value has overtaken is lost.
+A delay is a uniform random whole number between its smallest and its largest value. Seed, stream
+and tick determine it. The order of values stays: a value that a later one has overtaken is lost.
 """
 
 from __future__ import annotations
@@ -32,13 +32,15 @@ def newest(seed: int, tick: int, stream: int, largest: int, span: int, last: int
     Parameters
     ----------
     seed, stream
-        Sequence of random numbers.
+        Sequence of random numbers; the stream is OF_MEASUREMENT or OF_COMMAND.
     tick
         Current tick.
-    largest, span
-        Largest delay in ticks, and by how many ticks a delay can be shorter.
+    largest
+        Largest delay in ticks.
+    span
+        Largest minus smallest delay in ticks.
     last
-        The result of the previous tick, a lower bound.
+        Result of the previous tick, a lower bound.
 
     """
     arrived = tick - largest + int(uniform(seed, tick, stream) * (span + 1))
@@ -50,10 +52,25 @@ def receive(
     plant: Any, memory: Any, delay_line: Any, tick: int, signals: Any, holds: bool
 ) -> None:
     """
-    Write the command that has arrived at a tick into the memory: zeros if `holds`.
+    Write the command that has arrived at a tick into the memory.
 
-    The first command, also that after a void one, acts without delay. `delay_line` contains the
-    commands after the measurements of `measurement.measure`.
+    It is `torque` and `commanded_rates`. The first command acts without delay, also the first one
+    after a void command.
+
+    Parameters
+    ----------
+    plant, memory
+        Settings and memory of the plant, all lanes.
+    delay_line
+        Delayed values of each lane (maximum delay + 1, positions, velocities and commands); the
+        command of tick k is in row k mod (delay + 1).
+    tick
+        Current tick.
+    signals
+        Signals of the tick, with the command.
+    holds
+        True for a void command; zeros are written.
+
     """
     lanes, longest = lane_count(plant), 0
     for lane in range(lanes):

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""External disturbance torques on the reduced coordinates, continuous in time."""
+"""External disturbance torques on the joints, continuous in time."""
 
 from __future__ import annotations
 
@@ -27,13 +27,27 @@ def _torque(amplitude: float, wave: float) -> float:
 
 @formula
 def moment(time: float, step: int, halves: int, h: float) -> float:
-    """Return the time in s at halves of a step of h seconds, the first step being at a time."""
+    """
+    Return the time in s after half steps of a step.
+
+    Parameters
+    ----------
+    time
+        Start of the period in s.
+    step
+        Number of the step in the period, from 0.
+    halves
+        Number of half steps: 0, 1 or 2.
+    h
+        Length of a step in s.
+
+    """
     return time + (step + 0.5 * halves) * h
 
 
 @formula
 def write_push(plant: Any, memory: Any, time: float) -> None:
-    """Write amplitude sin(frequency t + phase) in N·m at t in s as `disturbance`, in all lanes."""
+    """Write `disturbance` (joints) at a time in s: amplitude sin(frequency t + phase) in N·m."""
     for lane in range(lane_count(plant)):
         robot = lane_of(plant, lane)
         angles = elementwise(_angle, time, robot.frequency, robot.phase)
@@ -43,7 +57,7 @@ def write_push(plant: Any, memory: Any, time: float) -> None:
 
 @formula
 def waves_of_step(plant: Any) -> int:
-    """Return how many numbers `write_waves` writes at most."""
+    """Return the largest number of values that `write_waves` writes."""
     return padded(3 * len(plant['phase']))
 
 
@@ -64,10 +78,24 @@ def shares_waves(plant: Any) -> bool:
 @formula
 def write_waves(plant: Any, time: float, step: int, h: float, waves: Any) -> None:
     """
-    Write the sines that all lanes share: of the middle of a step, its end, and the first start.
+    Write the sines of a step that all lanes share: of its middle, its end, and the first start.
 
-    All later starts are the ends of steps before. One robot has too few joints to fill a
-    processor's vectors at one time, and a vector takes no longer than a number does.
+    The start of a later step is the end of the previous one. One robot has too few joints to fill
+    the vectors of a processor at one time, and a vector takes no longer than a number.
+
+    Parameters
+    ----------
+    plant
+        Settings of the plant, all lanes.
+    time
+        Start of the period in s.
+    step
+        Number of the step in the period, from 0.
+    h
+        Length of a step in s.
+    waves
+        Array of `waves_of_step` values that is written.
+
     """
     frequency, phase = plant['frequency'], plant['phase']
     joints, count = len(phase), 3 if step == 0 else 2
@@ -80,7 +108,19 @@ def write_waves(plant: Any, time: float, step: int, h: float, waves: Any) -> Non
 
 @formula
 def push_by_waves(plant: Any, memory: Any, halves: int, waves: Any) -> None:
-    """Write `disturbance` of all lanes after half steps, from the values of `write_waves`."""
+    """
+    Write `disturbance` of all lanes after half steps of a step.
+
+    Parameters
+    ----------
+    plant, memory
+        Settings and memory of the plant, all lanes.
+    halves
+        Number of half steps: 0, 1 or 2.
+    waves
+        Values of `write_waves` for this step.
+
+    """
     amplitude, disturbance = plant['amplitude'], memory['disturbance']
     first = (halves + 2) % 3 * len(disturbance)
     for j in range(len(disturbance)):

@@ -4,13 +4,13 @@
 """
 Drives with a velocity loop: a PI controller on each joint, unknown to the controller.
 
-At every integration step, H_i being the inertia that joint i feels at the start and w the
-bandwidth,
+At every integration step
 
-    torque = 2 w H_i (rate commanded - rate) + integral,   d integral / dt = w^2 H_i (...),
+    torque = 2 w H_i e + integral,   d integral / dt = w^2 H_i e,   e = commanded rate - rate,
 
-with which the isolated joint has both poles at -w. The integral is constant if it would increase
-the torque beyond the motor limit.
+where w is the bandwidth and H_i the inertia that joint i feels at the start of the run. The
+isolated joint then has both poles at -w. The integral is constant if it would increase the torque
+beyond the motor limit.
 """
 
 from __future__ import annotations
@@ -31,7 +31,21 @@ from numpy.typing import NDArray
 
 @formula
 def felt_inertia(model: Any, template: Numbers, h: Any, joint: int) -> float:
-    """Return entry (joint, joint) of the reduced inertia H of (10), kg m2."""
+    """
+    Return the inertia that a joint feels in kg·m²: its diagonal entry of H of (10).
+
+    Parameters
+    ----------
+    model
+        Lengths of the mechanism.
+    template
+        Vector (joints).
+    h
+        Inertia of `mechanism.inertia`.
+    joint
+        Index of the joint.
+
+    """
     v = mechanism.motion(model, unit(template, joint))
     return mechanism.joint_torques(model, mechanism.inertia_times(model, h, v))[joint]
 
@@ -39,10 +53,17 @@ def felt_inertia(model: Any, template: Numbers, h: Any, joint: int) -> float:
 @kernel
 def joint_inertias(plant: Any, angles: Any, lane: int) -> NDArray[np.float64]:
     """
-    Return the diagonal (joints) of the reduced inertia H of (10) of one lane, kg m2.
+    Return the diagonal (joints) of the reduced inertia H of (10) of one lane in kg·m².
 
-    `plant` is an array of one record of the plant's settings; other lanes need not be written yet.
-    `angles` (joints) are in rad.
+    Parameters
+    ----------
+    plant
+        Array of one record with the settings of the plant; other lanes may be unset.
+    angles
+        Joint angles (joints) in rad.
+    lane
+        Index of the lane.
+
     """
     robot, diagonal = lane_of(plant[0], lane), np.empty(len(angles))
     template = robot.limit
@@ -63,7 +84,25 @@ def drive(
     limit: float,
     h: float,
 ) -> tuple[float, float]:
-    """Return the torque (N m) over one step of h seconds, and the integral after it."""
+    """
+    Return the torque of a drive over one step in N·m, and its integral after the step in N·m.
+
+    Parameters
+    ----------
+    rate_error
+        Commanded rate minus rate in rad/s.
+    integral
+        Integral at the start of the step in N·m.
+    inertia_felt
+        Inertia for which the drive is tuned in kg·m².
+    bandwidth
+        Bandwidth w in rad/s.
+    limit
+        Limit of the torque in N·m; 0: no limit.
+    h
+        Length of the step in s.
+
+    """
     asked = 2.0 * bandwidth * inertia_felt * rate_error + integral
     torque = clipped(asked, limit)
     step = h * bandwidth * bandwidth * inertia_felt * rate_error
@@ -97,6 +136,20 @@ def lag_shares(lag: float, period: float, step: float) -> tuple[float, float]:
 
 @formula
 def lagging(target: float, motor: float, decay: float, halves: int) -> float:
-    """Return a motor's torque after 0, 1 or 2 half steps towards the target."""
+    """
+    Return the torque (or velocity) of a first-order lag after half steps towards a target.
+
+    Parameters
+    ----------
+    target
+        Value that the lag approaches.
+    motor
+        Value at the start of the step.
+    decay
+        Share of the difference that remains after half a step; 0: no lag.
+    halves
+        Number of half steps: 0, 1 or 2.
+
+    """
     share = 1.0 if halves == 0 else (decay if halves == 1 else decay * decay)
     return target + share * (motor - target) if decay > 0.0 else target

@@ -30,7 +30,7 @@ _LARGEST_COUNT = 2251799813685248.0
 
 @formula
 def quantised(angle: float, resolution: float) -> float:
-    """Return the multiple of the resolution nearest to an angle, both in rad; 0 is exact."""
+    """Return the multiple of the resolution nearest to an angle, both in rad; 0: the angle."""
     count = angle / resolution
     rounded = ((count + _ROUND) - _ROUND) * resolution
     return rounded if resolution > 0.0 and abs(count) < _LARGEST_COUNT else angle
@@ -41,7 +41,7 @@ def write_noise(plant: Any, memory: Any, tick: int) -> None:
     """
     Write the standard normal numbers of a tick into `memory`, in all lanes.
 
-    They have a loop of their own, as lanes vectorise in short loops.
+    They have a separate loop, because lanes vectorise in short loops.
     """
     standard_noise, seed = memory['standard_noise'], plant['seed']
     for joint in range(len(standard_noise)):
@@ -51,7 +51,7 @@ def write_noise(plant: Any, memory: Any, tick: int) -> None:
 
 @formula
 def _noisy(rate: float, deviation: float, noise: float) -> float:
-    """Return a rate as it is measured, rad/s."""
+    """Return the measured rate in rad/s: with noise of a standard deviation."""
     return rate + deviation * noise if deviation > 0.0 else rate
 
 
@@ -63,10 +63,20 @@ def _chosen(is_first: bool, first: float, second: float) -> float:
 @formula
 def measure(plant: Any, memory: Any, tick: int, signals: Any) -> None:
     """
-    Write the measurement of the true state in `memory` at a tick into `signals`, without delay.
+    Write the measurement of the true state into `signals`, without delay.
 
-    `memory` contains the noise. An exact measurement keeps the true state. Both cases are
-    computed, and one is chosen, because lanes vectorise without branches.
+    `memory` contains the noise. An exact measurement keeps the true state in `signals`. Both cases
+    are computed and one is selected, because lanes vectorise without branches.
+
+    Parameters
+    ----------
+    plant, memory
+        Settings and memory of the plant, one lane.
+    tick
+        Current tick; odometry starts at tick 0.
+    signals
+        Signals of the tick with the true state; `position` and `velocity` are written.
+
     """
     model = mechanism.model_of(plant)
     position, rates = memory.position, memory.rates
@@ -93,10 +103,20 @@ def delay_measurement(
     plant: Any, memory: Any, delayed: Any, tick: int, signals: Any
 ) -> None:
     """
-    Replace the measurement in `signals` by that of `delay` ticks before.
+    Replace the measurement in `signals` by a delayed one, and write its age in ticks.
 
-    `delayed` (maximum delay + 1, positions, velocities and commands) contains the latest
-    measurements, that of tick k in row k mod (delay + 1).
+    Parameters
+    ----------
+    plant, memory
+        Settings and memory of the plant, one lane.
+    delayed
+        Latest values (maximum delay + 1, positions, velocities and commands); the measurement of
+        tick k is in row k mod (delay + 1).
+    tick
+        Current tick.
+    signals
+        Signals of the tick.
+
     """
     position, velocity = signals.position, signals.velocity
     delay = plant.delay

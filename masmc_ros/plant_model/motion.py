@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The plant's motion: forward dynamics, integrated by classic Runge-Kutta steps."""
+"""Motion of the plant: forward dynamics, integrated by classic Runge-Kutta steps."""
 
 from __future__ import annotations
 
@@ -38,7 +38,23 @@ def _chosen(slope: float, total: float, is_last: bool) -> float:
 def derivative(
     model: Any, theta: Numbers, position: Numbers, rates: Numbers, torque: Numbers
 ) -> State:
-    """Return the derivatives of positions and joints' rates, (8) and (10), torque in N m."""
+    """
+    Return the derivatives (positions) and (joints) of positions and joint rates, (8) and (10).
+
+    Parameters
+    ----------
+    model
+        Lengths of the mechanism.
+    theta
+        Base inertial parameters (parameters).
+    position
+        Positions (positions) in m and rad.
+    rates
+        Joint rates (joints) in rad/s or m/s.
+    torque
+        Joint torques (joints) in N·m or N, with the disturbance.
+
+    """
     posture = mechanism.posture(model, position)
     return (
         mechanism.position_rates(model, posture, rates),
@@ -49,10 +65,20 @@ def derivative(
 @formula
 def runge_kutta_stage(plant: Any, memory: Any, stage: int, h: float) -> None:
     """
-    Take one of the four stages of a step of h seconds; after the last, `reached` is its end.
+    Compute one of the four stages of a step; after the last one, `reached` is the end of the step.
 
     Each stage is a short loop over all lanes: a processor computes the next lanes while it waits
-    for results of these.
+    for results of the current ones.
+
+    Parameters
+    ----------
+    plant, memory
+        Settings and memory of the plant, one lane.
+    stage
+        Number of the stage, from 0.
+    h
+        Length of the step in s.
+
     """
     is_first, is_last = stage == 0, stage == 3
     weight = 1.0 if is_last else 2.0

@@ -61,7 +61,23 @@ def stuck(
     damping: float,
     h: float,
 ) -> tuple[float, float]:
-    """Return the deflection (rad) after a step of h seconds, and the friction torque (N m)."""
+    """
+    Return the deflection of the bristles in rad after a step, and the friction torque in N·m.
+
+    Parameters
+    ----------
+    deflection
+        Deflection z at the start of the step in rad.
+    rate
+        Joint rate v in rad/s.
+    level, velocity
+        F_s in N·m and v_s in rad/s; F_s = 0: no stiction.
+    stiffness, damping
+        sigma_0 in N·m/rad and sigma_1 in N·m·s/rad of `bristle_gains`.
+    h
+        Length of the step in s.
+
+    """
     sticks = level > 0.0
     share = 1.0 / (1.0 + (rate / velocity) * (rate / velocity))
     yielding = stiffness * abs(rate) / ((level if sticks else 1.0) * share)

@@ -1,7 +1,13 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""One tick of the plant in all lanes, from a command to the next true and measured state."""
+"""
+One tick of the plant in all lanes, from a command to the next true and measured state.
+
+Arguments of several functions: `plant` and `memory` are the records SETTINGS and MEMORY,
+`signals` those of the tick, each with all lanes. `delay_line` (maximum delay + 1, positions,
+velocities and commands) has the delayed values of each lane. `holds` is True for a void command.
+"""
 
 from __future__ import annotations
 
@@ -151,10 +157,20 @@ def _limited_command(plant: Any, memory: Any) -> Numbers:
 @formula
 def take_command(plant: Any, memory: Any, signals: Any, holds: bool) -> None:
     """
-    Use the command that has arrived for one period, none if `holds`.
+    Apply the command that has arrived for one period; a void command if `holds`.
 
-    Writes `target`, `driven` and `applied`: torques within the motor limits. With commanded rates,
-    the drives update them at every step.
+    It writes `target`, `driven` and `applied`: torques within the motor limits. With commanded
+    rates, the drives update them at every step.
+
+    Parameters
+    ----------
+    plant, memory
+        Settings and memory of the plant.
+    signals
+        Signals of the tick; `applied` (joints) in N·m is written.
+    holds
+        True for a void command.
+
     """
     lanes = lane_count(plant)
     # Conditions equal in all lanes are outside of the loops, which otherwise do not vectorise.
@@ -193,7 +209,19 @@ def _commands_torques(plant: Any, holds: bool) -> bool:
 
 @formula
 def release(plant: Any, memory: Any, signals: Any, holds: bool) -> None:
-    """Clear the torque of drives that held without a command, if torques are commanded."""
+    """
+    Clear the torque of drives that held during a void command, if torques are commanded.
+
+    Parameters
+    ----------
+    plant, memory
+        Settings and memory of the plant.
+    signals
+        Signals of the tick.
+    holds
+        True for a void command; otherwise nothing is changed.
+
+    """
     if holds & _commands_torques(plant, False):
         for lane in range(lane_count(plant)):
             row, state = lane_of(signals, lane), lane_of(memory, lane)
@@ -262,7 +290,25 @@ def drive_step(
     signals: Any,
     holds: bool,
 ) -> None:
-    """Write the joint forces over one step of an external integrator: `driven`, `disturbance`."""
+    """
+    Write the joint torques `driven` and `disturbance` over one step of an external integrator.
+
+    Parameters
+    ----------
+    plant, memory
+        Settings and memory of the plant.
+    delay_line
+        Delayed values of each lane.
+    tick
+        Tick of the period.
+    step
+        Number of the step in the period, from 0; the command is taken in step 0.
+    signals
+        Signals of the tick, with the command; `applied` is written.
+    holds
+        True for a void command.
+
+    """
     first = lane_of(plant, 0)
     steps, period = first.steps, first.period
     h = period / steps
@@ -291,11 +337,25 @@ def advance(
     plant: Any, memory: Any, delay_line: Any, tick: int, signals: Any, holds: bool
 ) -> None:
     """
-    Advance the true state by one period with the command in `signals`; none if `holds`.
+    Advance the true state by one period with the command in `signals`.
 
-    Writes the torque of the motors as `applied`: within their limits the command itself, or the
-    mean torque of motors that lag and of drives that follow velocities. Without a command, the
-    drives hold the joints at zero velocity; the applied torque is then zero.
+    It writes the torque of the motors as `applied`: within their limits the command itself, or the
+    mean torque of motors that lag and of drives that follow velocities. With a void command, the
+    drives hold the joints at zero velocity, and the applied torque is zero.
+
+    Parameters
+    ----------
+    plant, memory
+        Settings and memory of the plant.
+    delay_line
+        Delayed values of each lane.
+    tick
+        Tick of the period, which starts at tick times period.
+    signals
+        Signals of the tick.
+    holds
+        True for a void command.
+
     """
     lanes, first = lane_count(plant), lane_of(plant, 0)
     steps, period = first.steps, first.period
@@ -350,7 +410,7 @@ def advance(
 
 @formula
 def write_velocity(plant: Any, memory: Any) -> None:
-    """Write the velocities of the true state."""
+    """Write `velocity`, the derivatives of the true positions (positions)."""
     for lane in range(lane_count(plant)):
         state, model = lane_of(memory, lane), mechanism.model_of(lane_of(plant, lane))
         posture = mechanism.posture(model, state.position)
@@ -359,7 +419,21 @@ def write_velocity(plant: Any, memory: Any) -> None:
 
 @formula
 def observe(plant: Any, memory: Any, delayed: Any, tick: int, signals: Any) -> None:
-    """Write the true state and its measurement into `signals`."""
+    """
+    Write the true state and its measurement into `signals`.
+
+    Parameters
+    ----------
+    plant, memory
+        Settings and memory of the plant.
+    delayed
+        Delayed values of each lane.
+    tick
+        Current tick.
+    signals
+        Signals of the tick; true and measured `position` and `velocity` (positions) are written.
+
+    """
     lanes, inexact, delays = lane_count(plant), 0, 0
     for lane in range(lanes):
         state, row = lane_of(memory, lane), lane_of(signals, lane)

@@ -4,12 +4,12 @@
 """
 Path through points at certain times, from rest to rest, with or without stops at the points.
 
-Without stops, the path has minimum jerk. Of all paths through the points at their times that start
-and end at rest, it has the smallest integral of the squared third derivative
-(Todorov and Jordan 1998, Smoothness maximization along a predefined path accurately
-predicts the speed profiles of complex arm movements). That is a spline of degree five whose
-derivatives are continuous up to the fourth. With stops, it consists of straight lines, each with
-minimum jerk (Flash and Hogan 1985).
+Without stops, the path has minimum jerk: the smallest integral of the squared third derivative of
+all paths through the points at their times that start and end at rest. The source is Todorov and
+Jordan 1998, "Smoothness maximization along a predefined path accurately predicts the speed
+profiles of complex arm movements". The path is a spline of degree five whose derivatives are
+continuous up to the fourth. With stops, it consists of straight lines, each with minimum jerk
+(Flash and Hogan 1985).
 """
 
 from __future__ import annotations

@@ -108,12 +108,12 @@ class Point(NamedTuple):
 
     @property
     def axes(self) -> slice:
-        """Return its task axes."""
+        """Return the slice of its axes in a vector of task axes."""
         return slice(self.first, self.first + self.size)
 
     @property
     def small_unit(self) -> str:
-        """Return the thousandth of its unit, the unit of errors in tables."""
+        """Return the unit of errors in tables: mm for m, mrad for rad."""
         return f'm{self.unit}'
 
 
@@ -137,7 +137,7 @@ class Group(NamedTuple):
 
     @property
     def joints(self) -> slice:
-        """Return its joints."""
+        """Return the slice of its joints in a vector of joints."""
         return slice(self.first, self.end)
 
 
@@ -145,9 +145,23 @@ def limited_speeds(
     speeds: Array, joints: Sequence[Coordinate], settings: Sequence[str]
 ) -> Array:
     """
-    Return the speeds (joints) in rad/s or m/s, updated by settings of SPEED_LIMITS.
+    Return the speed limits of the joints, with those that settings replace.
 
-    Raises InputError for a setting that is not the name of a joint and a speed.
+    Parameters
+    ----------
+    speeds
+        Limits (joints) in rad/s or m/s, infinite without a limit; they are not modified.
+    joints
+        Joints, in the order of `speeds`.
+    settings
+        Values of SPEED_LIMITS, each a name and a number, such as `arm_joint_1 2.0`; 0 removes the
+        limit of a joint.
+
+    Raises
+    ------
+    InputError
+        if a setting is not the name of a joint and a speed >= 0, or if it repeats a joint.
+
     """
     names = [joint.name for joint in joints]
     speed_limits, named = speeds.copy(), set()
@@ -276,7 +290,7 @@ class Mechanism:
 
     @property
     def choice(self) -> dict[str, Any]:
-        """Return the parameter values that select it, also in another process."""
+        """Return the parameter values that select this type of robot, also in another process."""
         chosen: dict[str, Any] = {'robot.mechanism': self.name}
         if self.speed_settings:
             chosen[SPEED_LIMITS.name] = self.speed_settings
@@ -284,7 +298,7 @@ class Mechanism:
 
     @cached_property
     def sizes(self) -> dict[str, int]:
-        """Return the numbers of components, by the size names of records."""
+        """Return the numbers of components by the size names of records, such as `joints`."""
         return {
             'axes': len(self.axes),
             'joints': len(self.joints),
@@ -302,12 +316,12 @@ class Mechanism:
 
     @property
     def own_rates(self) -> tuple[Coordinate, ...]:
-        """Return the joints with separate commands of rates."""
+        """Return the joints with separate velocity commands, all that `twist` does not command."""
         return self.joints[len(self.twist):]
 
     @property
     def entries(self) -> dict[str, str]:
-        """Return descriptions of the entries of parameters, by size name."""
+        """Return texts on the entries of array parameters by size name, for descriptions."""
         return {
             'axes': f'per task axis {", ".join(axis.name for axis in self.axes)}',
             'joints': f'on {self.joint_list}',
@@ -379,7 +393,19 @@ class Mechanism:
         return import_module(self.module)
 
     def default(self, parameter: str, size: str, otherwise: float = 0.0) -> Numbers:
-        """Return the default of a parameter with entries of a size."""
+        """
+        Return the default of an array parameter, one number per entry.
+
+        Parameters
+        ----------
+        parameter
+            Name of the parameter.
+        size
+            Size name of its entries, a key of `sizes`.
+        otherwise
+            Value of every entry if the mechanism does not declare a default.
+
+        """
         return self.defaults.get(parameter, (otherwise,) * self.sizes[size])
 
 
@@ -388,18 +414,23 @@ _KNOWN: dict[str, Mechanism] = {}
 
 
 def register(mechanism: Mechanism) -> Mechanism:
-    """Make a mechanism available to compiled code, and return it."""
+    """
+    Register a mechanism by its tag, and return it.
+
+    Compiled code then finds its formulas by the tag of a record or the class of its lengths. A
+    mechanism with the same tag is replaced.
+    """
     _KNOWN[mechanism.tag] = mechanism
     return mechanism
 
 
 def formulas_of_tag(tag: str) -> Any:
-    """Return the formulas for the tag of a record."""
+    """Return the module with the formulas of a registered mechanism; KeyError if there is none."""
     return _KNOWN[tag].formulas
 
 
 def formulas_of_model(model: type) -> Any:
-    """Return the formulas of the class of a mechanism's lengths."""
+    """Return the module with the formulas whose `MODEL` is the class of a tuple of lengths."""
     return next(
         mechanism.formulas for mechanism in _KNOWN.values() if mechanism.formulas.MODEL is model
     )

@@ -39,19 +39,19 @@ MEMORY = (
 def surface_itself(
     model: Any, posture: Any, motion: Numbers, reference: Numbers, surface: Numbers
 ) -> Numbers:
-    """Return s."""
+    """Return s (axes) unmodified; the default of `reachable_surface`."""
     return surface
 
 
 @formula
 def acceleration_itself(model: Any, acceleration: Numbers, drift: Numbers) -> Numbers:
-    """Return a_r."""
+    """Return a_r (joints) unmodified; the default of `compensated`."""
     return acceleration
 
 
 @formula
 def no_damping(model: Any) -> float:
-    """Return zero."""
+    """Return 0 1/s; the default of `reference_damping`."""
     return 0.0
 
 
@@ -66,4 +66,4 @@ def no_drift(
     surface: Numbers,
     missing: Numbers,
 ) -> None:
-    """Leave the memory unchanged."""
+    """Leave the memory unchanged; the default of `follow_drift`."""

@@ -71,7 +71,7 @@ def posture(model: Any, position: Numbers) -> Any:
 
 @of_model
 def posture_of_joints(model: Any, angles: Numbers) -> Any:
-    """Return the posture of joint angles, with the base at the origin."""
+    """Return the posture of joint angles (joints), with the base at the origin."""
 
 
 @of_model
@@ -172,7 +172,7 @@ def reachable_surface(
 
 @interface(by_class(formulas_of_model), otherwise=acceleration_itself)
 def compensated(model: Any, acceleration: Numbers, drift: Numbers) -> Numbers:
-    """Return a_r minus the estimated drift."""
+    """Return a_r - drift (joints): `acceleration` is a_r, `drift` is `memory.drift`."""
 
 
 @interface(by_class(formulas_of_model), otherwise=no_drift)
@@ -189,7 +189,19 @@ def follow_drift(
     """
     Update the estimated drift in the memory after a tick.
 
-    `settings` are those of the law, `surface` is s; limits removed the torques `missing`.
+    Parameters
+    ----------
+    model, posture
+        Lengths, and posture of the measured state.
+    settings, memory
+        Those of the law; `memory.drift` (joints) is an acceleration of the velocities v.
+    motion, reference
+        Velocities v, and v_r of the tick.
+    surface
+        Sliding surface s (axes).
+    missing
+        Joint torques (joints) that limits removed: requested minus commanded.
+
     """
 
 

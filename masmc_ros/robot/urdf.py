@@ -401,7 +401,7 @@ class _Reader:
 
 
 def _root(links: Mapping[str, Link], joints: Mapping[str, Joint], where: str) -> str:
-    """Return the name of the root link, of which all others are descendants."""
+    """Return the name of the root link, the ancestor of all others."""
     above: dict[str, Joint] = {}
     for joint in joints.values():
         for end in (joint.parent, joint.child):

@@ -66,6 +66,37 @@ def test_setup_py_declares_all_pip_installed_imports() -> None:
         assert re.search(rf"'{PIP.get(module, module)}[>='=]", SETUP), module
 
 
+def pip_requirements() -> set[str]:
+    """Return the names of all packages in the lists of setup.py that pip may install."""
+    lists = [
+        node.value
+        for node in ast.walk(ast.parse(SETUP))
+        if isinstance(node, ast.keyword) and node.arg in ('install_requires', 'extras_require')
+    ]
+    names = set()
+    for entries in (n for each in lists for n in ast.walk(each) if isinstance(n, ast.List)):
+        for entry in entries.elts:
+            text = entry.values[0] if isinstance(entry, ast.JoinedStr) else entry
+            requirement = str(ast.literal_eval(text))
+            names |= set(re.findall(r'^[\w-]+', requirement.lower()))
+    return names
+
+
+def test_architecture_names_every_dependency() -> None:
+    page = (ROOT / 'docs' / 'development' / 'architecture.md').read_text(encoding='utf-8')
+    section = page.partition('## Dependencies')[2].partition('\n## ')[0]
+    cells = [line.split('|')[1:-2] for line in section.splitlines() if line.startswith('|')]
+    named = {name for row in cells for cell in row for name in re.findall(r'[\w-]+', cell.lower())}
+    rosdep = {
+        key.removeprefix('python3-').removesuffix('-pip')
+        for key in declared('exec_depend', 'test_depend')
+    }
+    rosdep = {'pyyaml' if key == 'yaml' else key for key in rosdep}
+    requirements = pip_requirements()
+    assert {'numba', 'scipy', 'ros-jazzy-rclpy', 'sphinx'} <= requirements
+    assert requirements | rosdep <= named
+
+
 def test_package_xml_and_setup_py_same_maintainer_and_url() -> None:
     url = MANIFEST.findtext("url[@type='repository']")
     maintainer = MANIFEST.find('maintainer')

@@ -4,9 +4,9 @@
 """
 Composite adaptation: theta_hat adapts to prediction errors as well.
 
-The torque is that of `rasmc`. With W = Y(q, v, v, dv/dt) of the last period and f the forces that
-were commanded in it, epsilon = H^-1 (W theta_hat - f) is the error of the predicted acceleration,
-H of the nominal model, and
+The torque is that of `rasmc`. W = Y(q, v, v, dv/dt) is the regressor of the last period, f are the
+forces that were commanded in it, and H is that of the nominal model. Then
+epsilon = H^-1 (W theta_hat - f) is the error of the predicted acceleration, and
 
     theta_hat' = -Gamma^-1 (Y' sigma + kappa W' epsilon_f)
     epsilon_f' = lambda (epsilon - epsilon_f)

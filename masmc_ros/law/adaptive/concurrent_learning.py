@@ -4,9 +4,9 @@
 """
 Concurrent learning: theta_hat adapts to a finite stack of recorded data as well.
 
-The torque is that of `rasmc`. A data point is the mean of W = Y(q, v, v, dv/dt) and of the
-commanded forces f over an interval, G_j = C W and y_j = C f with C' C = H^-1 of the nominal model.
-Over the points of the stack
+The torque is that of `rasmc`. A data point contains the means over an interval of
+W = Y(q, v, v, dv/dt) and of the commanded forces f. It is stored as G_j = C W and y_j = C f, where
+C' C = H^-1 of the nominal model. Over the points of the stack
 
     A = sum G_j' G_j,    b = sum G_j' y_j,
     theta_hat' = -Gamma^-1 (Y' sigma + kappa (A theta_hat - b)).

@@ -4,8 +4,8 @@
 """
 Operational space control: the first axes of the task first, the others in their null space.
 
-With A = J H^-1 J' and b = xddot_d - K_d edot - K_p e - Jdot v, split into the first axes (1) and
-the others (2), Lambda_1 = A_11^-1 and S = A_22 - A_21 Lambda_1 A_12,
+A = J H^-1 J' and b = xddot_d - K_d edot - K_p e - Jdot v are split into the first axes (1) and the
+others (2). With Lambda_1 = A_11^-1 and S = A_22 - A_21 Lambda_1 A_12,
 
     F_2 = S^-1 (b_2 - A_21 Lambda_1 b_1),    F_1 = Lambda_1 (b_1 - A_12 F_2),    f = J' F + V v,
 

@@ -103,10 +103,18 @@ MARGIN = 0.5
 @formula
 def beyond_dead_zone(distance: float, width: float) -> float:
     """
-    Return the part of |s| that lies beyond the dead zone, as a fraction of |s|.
+    Return the fraction of |s| that lies outside the dead zone: max(0, 1 - width / distance).
 
-    The gradient times this fraction is that of the part of s outside the zone. It is continuous,
-    zero inside the zone, and unmodified without a zone.
+    The gradient times this fraction is that of the part of s outside the zone. The fraction is
+    continuous, zero inside the zone, and 1 without a zone.
+
+    Parameters
+    ----------
+    distance
+        Norm |s| in m/s.
+    width
+        Parameter `dead_zone` in m/s; 0: no dead zone.
+
     """
     fraction = 1.0 - width / distance
     return 1.0 if width == 0.0 else (fraction if distance > width else 0.0)
@@ -114,21 +122,49 @@ def beyond_dead_zone(distance: float, width: float) -> float:
 
 @formula
 def pulled_estimate(moved: float, nominal: float, period: float, rate: float) -> float:
-    """Return an estimate of one parameter pulled to the nominal one, at a rate in 1/s for T s."""
+    """
+    Return an entry of theta after leakage: theta_0 + (theta - theta_0) / (1 + T rate).
+
+    Parameters
+    ----------
+    moved
+        Entry after its step along the gradient, in SI units of the parameter.
+    nominal
+        Entry theta_0 of the nominal model.
+    period
+        Control period T in s.
+    rate
+        Rate of the leakage in 1/s; 0: no leakage.
+
+    """
     pulled = nominal + (moved - nominal) / (1.0 + period * rate)
     return pulled if rate > 0.0 else moved
 
 
 @formula
 def bounds(nominal: float, lower: float, upper: float) -> tuple[float, float]:
-    """Return the bounds of lower ... upper times a number of either sign."""
+    """Return lower and upper bound of an entry: multiples of the nominal one, of either sign."""
     one, other = lower * nominal, upper * nominal
     return (one, other) if nominal > 0.0 else (other, one)
 
 
 @formula
 def clip_to_box(n: int, nominal: Any, lower: float, upper: float, estimate: Any) -> None:
-    """Clip theta (n) to the box lower ... upper times the nominal one."""
+    """
+    Clip the entries of theta to multiples of the nominal ones, in place.
+
+    Parameters
+    ----------
+    n
+        Number of entries.
+    nominal
+        Nominal theta (n).
+    lower, upper
+        Bounds as multiples of the nominal entry.
+    estimate
+        Array (n) that is clipped.
+
+    """
     for j in range(n):
         low, high = bounds(nominal[j], lower, upper)
         value = estimate[j]
@@ -147,11 +183,29 @@ def move_into_half_space(
     estimate: Any,
 ) -> None:
     """
-    Move theta (n), in its box, to the nearest point of it with normal' theta >= bound.
+    Move theta within its box to the nearest point with normal' theta >= bound, in place.
 
     The metric is sqrt(d' Gamma d), in which the Lyapunov function of (19) measures the estimation
-    error, so the distance to no point of both sets increases. Entries that reach their bound
-    stay there, and the others continue, at most n times.
+    error. The distance to any point of both sets therefore does not increase. Entries that reach a
+    bound of the box stay there. The others continue, at most n times.
+
+    Parameters
+    ----------
+    n
+        Number of entries of theta.
+    normal
+        Normal (n) of the half-space.
+    bound
+        Smallest value of normal' theta.
+    gamma
+        Diagonal (n) of Gamma.
+    nominal
+        Nominal theta (n).
+    lower, upper
+        Box, as multiples of the nominal entries.
+    estimate
+        Array (n) in its box, which is moved.
+
     """
     for _ in range(n):
         short = bound
@@ -176,7 +230,25 @@ def _share(gradient: float, share: float) -> float:
 
 @formula
 def adapt(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: Joints) -> None:
-    """Advance theta_hat by one tick, before the projection."""
+    """
+    Advance theta_hat by one tick along the gradient of the law or of its compensation.
+
+    The projection is separate (`project`).
+
+    Parameters
+    ----------
+    settings
+        Settings of the law.
+    tick
+        State and reference.
+    memory
+        Memory of the law; `estimate` (parameters) is updated.
+    raw
+        Joint torques that the law requests in N·m.
+    torque
+        Joint torques that are commanded in N·m.
+
+    """
     along = gradient(settings, memory, tick)
     adapt_along(settings, tick, memory, raw, torque, along)
 
@@ -190,7 +262,28 @@ def adapt_along(
     torque: Joints,
     gradient: Parameters,
 ) -> None:
-    """Advance theta_hat by one tick down a gradient, before the projection."""
+    """
+    Advance theta_hat by one tick along a gradient: step, dead zone, leakage and e-modification.
+
+    The projection is separate (`project`).
+
+    Parameters
+    ----------
+    settings
+        Settings of the law.
+    tick
+        State and reference.
+    memory
+        Memory of the law; `estimate` (parameters) is updated.
+    raw
+        Joint torques that the law requests in N·m.
+    torque
+        Joint torques that are commanded in N·m. If they differ from `raw` and
+        `freeze_when_saturated` is set, only the leakage acts.
+    gradient
+        Gradient g (parameters), such as Y' sigma of (23).
+
+    """
     distance = math.sqrt(dot(tick.surface, tick.surface))
     share = beyond_dead_zone(distance, settings.dead_zone)
     freezes = (settings.freeze_when_saturated != 0) & (torque != raw)
@@ -211,7 +304,7 @@ def adapt_along(
 
 @formula
 def project(settings: Settings, memory: Memory) -> None:
-    """Project theta_hat onto physically possible values if a projection is active."""
+    """Project `memory.estimate` onto physically possible values if `projection.lower` > 0."""
     lower = settings.projection_lower
     model = mechanism.model_of(settings)
     if (lower > 0.0) & (not mechanism.preserves_consistency(model, settings)):
@@ -240,9 +333,23 @@ def projected(
     Return theta projected into the box and onto physically possible values.
 
     Every step is the projection onto a half-space that contains all robots whose bodies are above
-    `lower`, so it does not increase the distance to any of them. In the rare case that many
-    steps do not suffice, the distance to the nominal model, which is inside, is halved until
-    they do.
+    `lower`. The distance to any of them therefore does not increase. In the rare case that many
+    steps do not suffice, the distance to the nominal model, which is inside, is halved until they
+    do.
+
+    Parameters
+    ----------
+    model
+        Lengths of the mechanism.
+    theta
+        Parameters (parameters) before the projection.
+    nominal
+        Nominal theta.
+    gamma
+        Diagonal of Gamma, which is the metric.
+    lower, upper
+        Bounds as multiples of the nominal entries.
+
     """
     n = len(nominal)
     estimate, normal = np.empty(n), np.empty(n)

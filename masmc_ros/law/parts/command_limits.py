@@ -34,7 +34,19 @@ PARAMETERS = (
 
 @formula
 def within_limits(settings: Settings, raw: Joints, before: Joints) -> Joints:
-    """Return a torque within the controller's limits; `before` is that of the last tick."""
+    """
+    Return the commanded torques: those of a law within `torque_limit` and `torque_rate_limit`.
+
+    Parameters
+    ----------
+    settings
+        Settings of the law; a limit of 0 does not limit.
+    raw
+        Joint torques (joints) that the law requests in N·m.
+    before
+        Commanded torques (joints) of the last tick in N·m.
+
+    """
     return elementwise(
         limited,
         raw,

@@ -151,7 +151,7 @@ def is_compensated(values: Mapping[str, Any]) -> bool:
 
 
 class State(NamedTuple):
-    """State and reference in which a law is evaluated."""
+    """State and reference in which a law is evaluated; SI units."""
 
     position: Numbers
     rates: Numbers  # of the joints
@@ -207,7 +207,7 @@ def _usual_latency(settings: Any) -> float:
 
 @formula
 def total_latency(settings: Any, memory: Any) -> float:
-    """Return L of the current state in s."""
+    """Return L of the current state in s: the usual latency, corrected by its jitter."""
     usual = _usual_latency(settings)
     most, longest = JITTER * usual, (HISTORY - 2) * settings.period
     return min(usual + min(max(memory.later, -most), most), longest)
@@ -224,7 +224,7 @@ def _horizon(settings: Any) -> float:
 
 @formula
 def estimate_gain(settings: Any) -> float:
-    """Return beta."""
+    """Return beta, the gain of the disturbance estimate per tick."""
     chosen, latency = settings.compensation_gain, _usual_latency(settings)
     period = settings.period
     return chosen if chosen > 0.0 else (period / latency if latency > 4.0 * period else 0.25)
@@ -235,7 +235,7 @@ def estimate_gain(settings: Any) -> float:
 
 @formula
 def _store_command(memory: Any, torque: Numbers) -> None:
-    """Store the last command."""
+    """Add a torque to the history, from the time `memory.acts_from` on."""
     newest = (memory.history_newest + 1) & (HISTORY - 1)
     write_along(in_place(memory, 'history_torque'), newest * len(torque), torque)
     in_place(memory, 'history_start')[newest] = memory.acts_from
@@ -249,7 +249,7 @@ def _added(total: float, value: float, share: float) -> float:
 
 @formula
 def _mean_torque(memory: Any, start: float, end: float, template: Numbers) -> Numbers:
-    """Return the mean acting torque between two times in s."""
+    """Return the mean acting torque between two times in s, in the form of `template`."""
     torques, starts = in_place(memory, 'history_torque'), in_place(memory, 'history_start')
     newest, count = memory.history_newest, len(template)
     total, until = elementwise(zero, template), end
@@ -273,7 +273,7 @@ def _mean_torque(memory: Any, start: float, end: float, template: Numbers) -> Nu
 def _derivative(
     model: Any, theta: Numbers, position: Numbers, rates: Numbers, torque: Numbers, extra: Numbers
 ) -> tuple[Numbers, Numbers]:
-    """Return the derivatives of positions and rates; `extra` are accelerations of the joints."""
+    """Return the derivatives of positions and joint rates; `extra` is added to accelerations."""
     posture = mechanism.posture(model, position)
     a = mechanism.joint_accelerations(model, posture, theta, rates, torque)
     return mechanism.position_rates(model, posture, rates), elementwise(plus, a, extra)
@@ -295,11 +295,21 @@ def _advanced(
     end: float,
 ) -> tuple[Numbers, Numbers]:
     """
-    Return positions and rates at a later time according to the model.
+    Return positions and joint rates at a later time according to the model.
 
     The model is that of theta_hat, with the commanded torques and d. Heun steps have a length of
     at most LONGEST_STEP; the torque of a step is its mean. Before the last measured state, d is
     constant.
+
+    Parameters
+    ----------
+    settings, memory
+        Settings and memory of the law.
+    position, rates
+        Positions (positions) and joint rates (joints) at `start`.
+    start, end
+        Times in s, as those of `MEMORY`.
+
     """
     model, theta = mechanism.model_of(settings), memory.estimate
     period, now = settings.period, memory.state_time
@@ -347,6 +357,19 @@ def observer_gains(
     Return the gains of angle, rate (times T), d (times T^2) and delta (times T^2).
 
     Two poles are 1 / (1 + bandwidth T). The others are those of the estimate from measured rates.
+    docs/theory/latency.md derives them.
+
+    Parameters
+    ----------
+    bandwidth
+        Parameter `estimator_bandwidth` in rad/s.
+    period
+        Time T since the last computed tick in s.
+    gain
+        Gain beta of d.
+    slope_gain
+        Gain beta_2 of delta.
+
     """
     a = 1.0 - 1.0 / (1.0 + bandwidth * period)
     b = gain + slope_gain
@@ -467,7 +490,7 @@ def _predicted_state(settings: Any, memory: Any, state: State) -> State:
 
 @formula
 def _reduced_torque(settings: Any, memory: Any, posture: Any, raw: Numbers) -> Numbers:
-    """Return the torque of a law minus H d at the time at which it acts."""
+    """Return raw - H d, the torque of a law less that of d, at the time at which it acts."""
     model = mechanism.model_of(settings)
     ahead = total_latency(settings, memory) / settings.period + 1.0
     d = elementwise(moved, memory.acceleration, memory.acceleration_slope, ahead)
@@ -480,7 +503,7 @@ def _reduced_torque(settings: Any, memory: Any, posture: Any, raw: Numbers) -> N
 def _measured_error(
     settings: Any, memory: Any, desired: Numbers, rate: Numbers, error: Numbers
 ) -> Numbers:
-    """Return the error of the measured state at the time of its measurement."""
+    """Return the task error (axes) of the measured state at the time of its measurement."""
     model, position = mechanism.model_of(settings), memory.measured_position
     then = elementwise(moved, desired, rate, -settings.stamp_age)
     return mechanism.task_error(model, mechanism.posture(model, position), position, then)
@@ -548,29 +571,78 @@ _dispatch = interface(by_tag('compensation', COMPENSATIONS.__getitem__))
 
 @_dispatch
 def state_of_torque(settings: Any, memory: Any, state: State) -> State:
-    """Return the state and the reference for a law, of the measured state and its reference."""
+    """
+    Return the state and the reference in which the law is evaluated.
+
+    Without compensation it is the measured state. With compensation it is the state predicted
+    over L, and the disturbance estimate is updated first.
+
+    Parameters
+    ----------
+    settings, memory
+        Settings and memory of the law.
+    state
+        Measured state, and reference of its stamp.
+
+    """
 
 
 @_dispatch
 def reduced_torque(settings: Any, memory: Any, posture: Any, raw: Numbers) -> Numbers:
-    """Return the torque of a law minus that of the estimated disturbance."""
+    """
+    Return the joint torques (joints) in N·m less those that cancel d; `raw` without compensation.
+
+    Parameters
+    ----------
+    settings, memory
+        Settings and memory of the law.
+    posture
+        Posture of the state in which the law was evaluated.
+    raw
+        Joint torques of the law in N·m.
+
+    """
 
 
 @_dispatch
 def error(settings: Any, memory: Any, desired: Numbers, rate: Numbers, error: Numbers) -> Numbers:
-    """Return the error to publish; that of the law is of a predicted state."""
+    """
+    Return the task error (axes) to publish, which is that of the measured state.
+
+    Parameters
+    ----------
+    settings, memory
+        Settings and memory of the law.
+    desired, rate
+        x_d and xdot_d (axes) of the stamp of the state.
+    error
+        Error of the state in which the law was evaluated; it is returned without compensation.
+
+    """
 
 
 @_dispatch
 def gradient(settings: Any, memory: Any, tick: Tick) -> Numbers:
-    """Return the gradient of the tracking or estimation error by theta_hat."""
+    """
+    Return the gradient (parameters) along which theta_hat is adapted.
+
+    It is Y' sigma of (23) without compensation, otherwise Y' c d of the measured state.
+
+    Parameters
+    ----------
+    settings, memory
+        Settings and memory of the law.
+    tick
+        State and reference in which the law was evaluated.
+
+    """
 
 
 @_dispatch
 def horizon(settings: Any) -> float:
-    """Return the time in s in which the implicit law reaches the surface."""
+    """Return the time in s in which the implicit law reaches the surface: h, or T if disabled."""
 
 
 @_dispatch
 def is_on(settings: Any) -> bool:
-    """Return True if d is estimated, so laws do not estimate the disturbance themselves."""
+    """Return True if d is estimated here; laws then estimate no disturbance themselves."""

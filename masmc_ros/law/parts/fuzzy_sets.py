@@ -47,7 +47,7 @@ def _part(value: float, total: float) -> float:
 
 @formula
 def gaussian(x: float, centres: Numbers) -> Numbers:
-    """Return the membership of x in each of the normalised Gaussians at the centres."""
+    """Return the memberships of x in normalised Gaussians at equidistant, increasing centres."""
     degrees = elementwise(_bell, centres, _within(x), centres[1] - centres[0])
     total = 0.0
     for value in degrees:
@@ -63,13 +63,13 @@ def _hat(centre: float, x: float, spacing: float) -> float:
 
 @formula
 def triangular(x: float, centres: Numbers) -> Numbers:
-    """Return the membership of x in each of the triangles between the centres."""
+    """Return the memberships of x in triangles at equidistant, increasing centres."""
     return elementwise(_hat, centres, _within(x), centres[1] - centres[0])
 
 
 @formula
 def alone(value: float) -> Numbers:
-    """Return the second input of a system with a single input."""
+    """Return the memberships of the second input of a system that has a single input."""
     return (1.0,)
 
 
@@ -88,7 +88,7 @@ def _output(arguments: tuple[Any, Any, Any], i: int) -> float:
 @kernel
 def mean_of_rules(weights: Any, first: Any, second: Any) -> Numbers:
     """
-    Return the output of each system.
+    Return the output of each system: the mean of its rules, weighted by memberships.
 
     Parameters
     ----------
@@ -105,18 +105,20 @@ def mean_of_rules(weights: Any, first: Any, second: Any) -> Numbers:
 @kernel
 def train_rules(weights: Any, first: Any, second: Any, step: Numbers, pull: float) -> None:
     """
-    Move rules: W <- (W + step phi) / (1 + pull).
+    Change rules in place: W <- (W + step phi) / (1 + pull).
+
+    phi is the product of the memberships of the pair of a rule.
 
     Parameters
     ----------
     weights
-        Rules (outputs * rules), output by output.
+        Rules (outputs * rules), output by output, as those of `mean_of_rules`.
     first, second
         For each output, the memberships of its two inputs.
     step
         For each output, the change of a rule with membership one.
     pull
-        Share by which all rules return to zero.
+        Share by which all rules return to zero; 0: they do not.
 
     """
     place = 0
@@ -130,5 +132,5 @@ def train_rules(weights: Any, first: Any, second: Any, step: Numbers, pull: floa
 
 @formula
 def learning_step(s: float, rate: float, period: float) -> float:
-    """Return the step of a rule that grows at a rate times s."""
+    """Return T rate s, the step of a rule that grows at a rate times s for one period."""
     return period * rate * s

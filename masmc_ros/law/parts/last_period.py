@@ -4,7 +4,8 @@
 """
 Acceleration of the robot in the last period, measured and according to the model.
 
-`before` is v at the previous tick. Without a previous tick it is NaN, and so are the results.
+`before` is v (joints) at the previous tick. Without a previous tick it is NaN, and so are the
+results.
 """
 
 from __future__ import annotations
@@ -30,12 +31,16 @@ def _middle(value: float, before: float) -> float:
 
 @formula
 def last_acceleration(tick: Tick, before: Numbers) -> Numbers:
-    """Return dv/dt over the last period."""
+    """Return dv/dt (joints) over the last period: (v - before) / T."""
     return elementwise(_rate, tick.velocity, before, tick.period)
 
 
 @formula
 def last_regressor(tick: Tick, before: Numbers) -> Any:
-    """Return W = Y(q, v, v, dv/dt) of the last period: the forces in it were W theta."""
+    """
+    Return W = Y(q, v, v, dv/dt) of the last period, where v is the mean velocity of the period.
+
+    The forces in the period were W theta.
+    """
     v = elementwise(_middle, tick.velocity, before)
     return mechanism.regressor(tick.model, tick.posture, v, v, last_acceleration(tick, before))

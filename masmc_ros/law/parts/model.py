@@ -30,7 +30,19 @@ ESTIMATE = Field('estimate', 'parameters', 'theta_hat of the next tick')
 
 @formula
 def model_torque(tick: Tick, theta: Numbers, u: Numbers) -> Numbers:
-    """Return Y theta + J' u in N m: of a model, and of a force u (N) on the task's axes."""
+    """
+    Return the joint torques (joints) in N·m of Y theta + J' u.
+
+    Parameters
+    ----------
+    tick
+        State and reference, with the regressor Y(q, v, v_r, a_r).
+    theta
+        Base inertial parameters (parameters).
+    u
+        Force (axes) on the task axes in N.
+
+    """
     model = mechanism.regressor_times(tick.model, tick.regressor, theta)
     force = mechanism.forces_from_task(tick.model, tick.posture, u, tick.velocity)
     return mechanism.joint_torques(tick.model, elementwise(plus, model, force))

@@ -4,9 +4,9 @@
 """
 Laws of an arm on a base that follows velocities: `command_interface` hybrid.
 
-The base follows its velocities b by its own drives, with a first-order lag `base_lag`, and only
-the arm is driven by torques. In the coordinates of commands, c = (b, a) with the rates a of the
-arm's joints, the base's reference b_r is the command, with the lead base_lag bdot_r. The arm uses
+The base follows its velocities b by its own drives, with a first-order lag `base_lag`. Only the
+arm is driven by torques. In the coordinates of commands, c = (b, a), a are the rates of the arm
+joints. The command of the base is its reference b_r with the lead base_lag d(b_r)/dt. The arm uses
 the true motion of the base and compensates its lag,
 
     J_a a' = J_a a_r + J_b (b_r - b),    c' = (b, a'),    s = J (c - c') = J_a (a - a'),
@@ -56,7 +56,7 @@ BY_TORQUE, BY_VELOCITY = 'torque', 'velocity'
 
 
 class Carried(NamedTuple):
-    """Reference motion of a law, and the commanded velocities."""
+    """Reference velocities v_r and accelerations a_r of a law, and the commanded velocities."""
 
     velocity: Numbers
     acceleration: Numbers
@@ -76,7 +76,16 @@ def rates_by_torque(
     """
     Return rates of the arm with J_a a = missing, by damped least squares; those of the base are 0.
 
-    `mask` (joints) is 1 for joints of the base, `missing` (axes) a task velocity.
+    Parameters
+    ----------
+    model, posture
+        Lengths, and posture of the state.
+    mask
+        1 for joints that follow velocities, 0 for the others (joints).
+    missing
+        Task velocity (axes).
+    template
+        Vector (joints) whose kind and length the result has.
 
     """
     size, m = len(template), len(missing)
@@ -251,29 +260,69 @@ def carried(
     commanded: Numbers,
 ) -> Carried:
     """
-    Return the reference motion on a base that follows velocities, otherwise the same one.
+    Return the reference motion of a law, on a base that follows velocities or on any other.
 
-    `commanded` are the velocities commanded at the last tick.
+    The motion is unmodified if no joint follows velocities.
+
+    Parameters
+    ----------
+    settings
+        Settings of the law.
+    posture
+        Posture of the state.
+    v, v_r, a_r
+        Velocities of the mechanism, their reference and its derivative (joints).
+    commanded
+        Velocities (joints) that were commanded at the last tick, in the coordinates of commands.
+
     """
 
 
 @_dispatch
 def surface(settings: Settings, posture: Any, v: Numbers, v_r: Numbers, s: Numbers) -> Numbers:
-    """Return the part of the sliding surface that joints with torques can reduce."""
+    """
+    Return the part of the sliding surface (axes) that joints with torques can reduce.
+
+    Parameters
+    ----------
+    settings
+        Settings of the law.
+    posture
+        Posture of the state.
+    v, v_r
+        Velocities of the mechanism, and their reference (joints) of `carried`.
+    s
+        Sliding surface (axes).
+
+    """
 
 
 @_dispatch
 def commanded_torque(
     settings: Settings, memory: Memory, command: Numbers, raw: Numbers
 ) -> Numbers:
-    """Store the commanded velocities; return the torques without those of the base."""
+    """
+    Store the commanded velocities, and return the joint torques with zeros for the base.
+
+    Without joints that follow velocities, the torques are unmodified.
+
+    Parameters
+    ----------
+    settings, memory
+        Settings and memory of the law.
+    command
+        Commanded velocities (joints) of `carried`.
+    raw
+        Joint torques (joints) of the law in N·m.
+
+    """
 
 
 @_dispatch
 def restrict_drift(settings: Settings, memory: Memory, posture: Any) -> None:
-    """Restrict the estimated drift to the motion of the arm that the task does not see."""
+    """Restrict `memory.drift` to motions of the arm in the null space of the task."""
 
 
 @_dispatch
 def moves_by_velocity(settings: Settings) -> bool:
-    """Return True if the base follows velocities, with unknown torques."""
+    """Return True if the base follows velocities; the torques of its drives are then unknown."""

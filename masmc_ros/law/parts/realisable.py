@@ -17,7 +17,21 @@ from masmc_ros.numerics.compiled import formula
 
 @formula
 def secant(linear: float, switched: float, error: float, layer: float) -> float:
-    """Return the slope from 0 to the error of linear e + switched sat(e / layer)."""
+    """
+    Return the slope from 0 to the error of linear e + switched sat(e / layer).
+
+    Parameters
+    ----------
+    linear
+        Gain of the linear term.
+    switched
+        Gain of the switching term.
+    error
+        Error e.
+    layer
+        Boundary layer of the switching term, in the unit of the error.
+
+    """
     size = abs(error)
     return linear + switched / (size if size > layer else layer)
 
@@ -25,7 +39,9 @@ def secant(linear: float, switched: float, error: float, layer: float) -> float:
 @formula
 def realisable(error: float, excess: float, slope: float) -> float:
     """
-    Return the realisable error of one entry.
+    Return the realisable error of one entry: e - excess / slope.
+
+    Without a slope it is e if the excess is 0, and 0 otherwise.
 
     Parameters
     ----------
@@ -44,7 +60,19 @@ def realisable(error: float, excess: float, slope: float) -> float:
 
 @formula
 def realisable_part(error: float, excess: float, slope: float) -> float:
-    """Return the realisable error limited to 0 ... e, for gains that only grow."""
+    """
+    Return the realisable error limited to the range from 0 to e, for gains that only grow.
+
+    Parameters
+    ----------
+    error
+        Error e.
+    excess
+        Applied less requested u, in the unit of slope e.
+    slope
+        Gain k of the error, >= 0.
+
+    """
     part = realisable(error, excess, slope)
     low, high = (error, 0.0) if error < 0.0 else (0.0, error)
     return low if part < low else (high if part > high else part)

@@ -35,7 +35,19 @@ SLIP_BACKOFF = Parameter(
 
 @formula
 def squared_slip(model: Any, posture: Any, position_rates: Numbers, rates: Numbers) -> float:
-    """Return the squared velocity of the base against its wheels, m/s and rad/s together."""
+    """
+    Return the squared velocity of the base relative to its rolling wheels, in (m/s)² and (rad/s)².
+
+    Parameters
+    ----------
+    model, posture
+        Lengths, and posture of the state.
+    position_rates
+        Measured derivative of the positions (positions), with that of the base.
+    rates
+        Measured joint rates (joints).
+
+    """
     rolling = mechanism.position_rates(model, posture, rates)
     slip = elementwise(minus, position_rates, rolling)
     return dot(slip, slip)
@@ -51,9 +63,24 @@ def backed_off(
     gain: float,
 ) -> float:
     """
-    Return gain / (1 + (slip / slip_backoff)^2).
+    Return a gain reduced by slip: gain / (1 + (slip / slip_backoff)^2).
 
-    Without measured rates the slip is unknown. Noise of measured rates appears as slip.
+    It is not reduced if `slip_backoff` is 0, or without measured rates, because the slip is then
+    unknown. Noise of measured rates appears as slip.
+
+    Parameters
+    ----------
+    settings
+        Settings of the law.
+    model, posture
+        Lengths, and posture of the state.
+    position_rates
+        Measured derivative of the positions (positions), with that of the base.
+    rates
+        Measured joint rates (joints).
+    gain
+        Gain of a disturbance estimate.
+
     """
     scale = settings.slip_backoff
     if (scale > 0.0) & (settings.velocity_source == MEASURED):

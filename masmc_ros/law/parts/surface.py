@@ -27,5 +27,5 @@ def reference_velocity(desired_velocity: float, error: float, sigma: float) -> f
 def reference_acceleration(
     desired_acceleration: float, error_rate: float, sigma: float
 ) -> float:
-    """Return xddot_r = xddot_d - sigma edot of (14) in m/s2."""
+    """Return xddot_r = xddot_d - sigma edot of (14) in m/s²."""
     return desired_acceleration - sigma * error_rate

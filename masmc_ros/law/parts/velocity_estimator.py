@@ -77,7 +77,19 @@ def followed(
     """
     Return angle (rad), rate (rad/s) and unmodelled acceleration (rad/s²) one period later.
 
-    `acceleration` (rad/s²) is that of the model in the period, `measured` the angle at its end.
+    Parameters
+    ----------
+    angle, rate, unmodelled
+        Estimates at the start of the period.
+    acceleration
+        Acceleration of the model in the period in rad/s².
+    measured
+        Measured angle at the end of the period in rad.
+    period
+        Period T in s.
+    gain
+        Gains of `gains`.
+
     """
     total = acceleration + unmodelled
     reached = angle + period * rate + 0.5 * period * period * total
@@ -103,7 +115,19 @@ MEMORY = (
 
 @formula
 def expected_acceleration(model: Any, theta: Numbers, memory: Memory) -> Numbers:
-    """Return the joints' acceleration (rad/s2) under the last command by the nominal model."""
+    """
+    Return the joint accelerations (joints) in rad/s² of a model under the last command.
+
+    Parameters
+    ----------
+    model
+        Lengths of the mechanism.
+    theta
+        Base inertial parameters (parameters) of the model.
+    memory
+        Memory of the law, with estimated angles and rates, last command and disturbance.
+
+    """
     angles, rates = memory.angles, memory.rates
     torque = elementwise(plus, memory.commanded, memory.felt)
     bend = mechanism.posture_of_joints(model, angles)
@@ -134,8 +158,18 @@ def estimate_rates(
     Advance the estimated angles, rates and unmodelled accelerations to the tick of a position.
 
     Skipped ticks are one long period with separate gains; the gains of a single period would be
-    many times too large. `knows_torques` is false with commanded rates: the torques of the drives
-    are unknown then, and all acceleration is unmodelled.
+    many times too large.
+
+    Parameters
+    ----------
+    settings, memory
+        Settings and memory of the law.
+    position
+        Measured positions (positions); the last ones are the joint angles.
+    knows_torques
+        False with commanded rates. The torques of the drives are then unknown, and all
+        acceleration is unmodelled.
+
     """
     angles, rates = memory.angles, memory.rates
     unmodelled = memory.unmodelled
@@ -163,6 +197,18 @@ def estimate_rates(
 
 @formula
 def note_disturbance(memory: Memory, model: Any, posture: Any, disturbance: Numbers) -> None:
-    """Store the law's disturbance estimate (N) as torques for the next prediction."""
+    """
+    Store the disturbance estimate of the law as joint torques for the next prediction.
+
+    Parameters
+    ----------
+    memory
+        Memory of the law; `felt` (joints) is set, in N·m.
+    model, posture
+        Lengths, and posture of the state.
+    disturbance
+        Disturbance force on the task axes (axes) in N.
+
+    """
     force = mechanism.forces_from_task(model, posture, disturbance, memory.rates)
     memory.felt = mechanism.joint_torques(model, force)

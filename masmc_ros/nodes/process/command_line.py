@@ -4,9 +4,9 @@
 """
 Parameters of a ROS command line: files, and settings that replace their values.
 
-rcl has other rules, which depend on the type of a value: a number of one file survives an
-array of the next one, and an unprefixed `-p name:=value` is replaced by a file's block for the
-node. The nodes use the values of `CommandLine.for_node` (see `params/precedence.py`).
+rcl has other rules, which depend on the type of a value. For example, a number of one file
+survives an array of the next one. A block for the node in a file replaces an unprefixed
+`-p name:=value`. The nodes use the values of `CommandLine.for_node` (see `params/precedence.py`).
 """
 
 from __future__ import annotations

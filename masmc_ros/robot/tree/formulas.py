@@ -4,8 +4,8 @@
 """
 Interface of mechanisms for a tree of bodies with tasks of frame poses and joint positions.
 
-Positions are x, y and yaw of the base in the world (constant if it is fixed), then the
-positions of the wheels, and of the joints in the tree's order. Velocities are nu of `dynamics`.
+Positions are x, y and yaw of the base in the world, constant if it is fixed. The positions of the
+wheels follow, then those of the joints in the order of the tree. Velocities are nu of `dynamics`.
 Task, redundancy and physical consistency are in separate files.
 """
 

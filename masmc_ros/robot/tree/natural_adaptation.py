@@ -4,9 +4,10 @@
 """
 Natural adaptation of inertial parameters, which preserves physical consistency.
 
-Pdot = -P L P / gamma, of the pseudo-inertia P and the gradient L (`spatial.power_gradient`) as a
-symmetric matrix, has the Bregman divergence of -log det as its Lyapunov function and one gain
-for bodies of all sizes (Lee, Kwon and Park 2018). Sampled, with P = C C' and X = T C' L C / gamma,
+The law is Pdot = -P L P / gamma, with the pseudo-inertia P and the gradient L as a symmetric
+matrix (`spatial.power_gradient`). Its Lyapunov function is the Bregman divergence of -log det, and
+one gain suits bodies of all sizes (Lee, Kwon and Park 2018). Sampled, with P = C C' and
+X = T C' L C / gamma,
 
     P+ = C (1 + X + X^2 / 2)^-1 C'
 

@@ -4,11 +4,12 @@
 """
 Rigid bodies as tuples: vectors (3), rotations (9, row by row) and pseudo-inertias (10).
 
-A rotation R takes components in the child's frame to those in the parent's. The pseudo-inertia
-of a body holds its moments of mass about the origin of its frame, in SI units: mass, first
-moments x, y, z, and second moments xx, yy, zz, xy, yz, zx (integrals of x x dm, not moments of
-inertia, which are sums of two of them). As the 4 x 4 matrix P = [[Sigma, h], [h', m]] it is
-positive definite for every physical body (Wensing, Kim and Slotine, 2018).
+A rotation R maps components in the child's frame to those in the parent's. The pseudo-inertia of a
+body consists of its moments of mass about the origin of its frame, in SI units. These are mass,
+first moments x, y, z, and second moments xx, yy, zz, xy, yz, zx. Second moments are integrals of
+x x dm; a moment of inertia is the sum of two of them. As the 4 x 4 matrix
+P = [[Sigma, h], [h', m]] it is positive definite for every physical body (Wensing, Kim and
+Slotine, 2018).
 """
 
 from __future__ import annotations

@@ -5,8 +5,8 @@
 The mobile manipulator: parameters, kinematics (1)-(5) and dynamics (6)-(12).
 
 Planar differential-drive platform with a two-link arm. O is the middle of the axle
-(`base_link`), C the platform's centre of mass, d ahead of O, F the arm's base, l = d + L_a
-ahead of O, E the end effector. SI units, radians, x forward, y left (REP-103).
+(`base_link`). The centre of mass C of the platform is d ahead of O, the base F of the arm is
+l = d + L_a ahead of O. E is the end effector. SI units, radians, x forward, y left (REP-103).
 
 Everything here is pure: numbers and tuples in, numbers and tuples out. The formulas work in
 four *quasi-velocities*, in which the equations are short:

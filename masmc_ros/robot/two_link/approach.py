@@ -167,8 +167,9 @@ def regular_posture(
     """
     Return joint angles (4) with a bent elbow; None if the elbow is bent and stays so.
 
-    A law in task space cannot start with a stretched or folded arm that moves, nor with an arm
-    that its joint velocities (4) stretch or fold within a quarter of a second.
+    A law in task space cannot start with a stretched or folded arm that moves. It cannot start
+    either if the joint velocities (4) in rad/s stretch or fold the arm within a quarter of a
+    second.
     """
     singular = round(float(angles[3]) / math.pi) * math.pi
     angle = float(angles[3]) - singular

@@ -11,11 +11,11 @@ With l = arm_base and L_1 = link_1, let
                [ p_1   l p_1 i_1      L_1 p_2 ]
                [ p_2   l p_2 L_1 p_2  i_2     ],
 
-the mass matrix of the robot stretched out along x and free to slide sideways. There are
-positive masses and inertias that make theta if and only if Q is positive definite, and then
-H(q) is positive definite in every posture; docs/theory/adaptation.md proves both. Q is linear in
-theta: the set is convex, and a vector x for which x' Q x is not positive is the normal of a
-half-space that holds the whole set.
+the mass matrix of the robot stretched out along x and free to slide sideways. Positive masses and
+inertias with the base parameters theta exist if and only if Q is positive definite. H(q) is then
+positive definite in every posture; docs/theory/adaptation.md proves both. Q is linear in theta, so
+the set of consistent theta is convex. A vector x for which x' Q x is not positive is the normal of
+a half-space that contains the whole set.
 """
 
 from __future__ import annotations

@@ -90,7 +90,7 @@ def base_parameters(
     link_1_inertia: float,
     link_2_inertia: float,
 ) -> BaseParameters:
-    """Return theta (7) of a robot given by its physical parameters (m, kg, kg m2)."""
+    """Return theta (7) of a robot from its physical parameters in m, kg and kg·m²."""
     arm_mass = link_1_mass + link_2_mass
     arm_base = com_offset + arm_offset
     spin = 2.0 * wheel_spin_inertia / (wheel_radius * wheel_radius)

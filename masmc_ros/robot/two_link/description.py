@@ -155,7 +155,7 @@ def _shapes(geometry: Geometry, com_offset: float) -> dict[str, list[_Shape]]:
 
 
 def _link(length: float, thickness: float) -> list[_Shape]:
-    """Return a link of the arm: its bar and its first joint."""
+    """Return the shapes of an arm link along x, its bar and its first joint; lengths in m."""
     return [
         _Shape(
             'box',

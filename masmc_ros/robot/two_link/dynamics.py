@@ -5,7 +5,7 @@
 Reduced dynamics (6)-(12) in quasi-velocities and base inertial parameters.
 
 H vdot + V v = tau + tau_d with H = S'HS and V = S'HSdot + S'CS, C from Christoffel symbols;
-motion is planar, so that the gravity term is zero. In the linear parameterisation (12),
+motion is planar, so the gravity term is zero. In the linear parameterisation (12),
 H a_r + V v_r = Y theta for any reference velocity v_r and acceleration a_r.
 """
 

@@ -5,9 +5,9 @@
 Transforms of the robot's frames.
 
 The model is planar and has no heights. This module defines them: the wheels are on the plane z = 0
-of `odom`, and the links of the arm are on the platform, one above the other:
-`base_link` is on the ground below the axle's middle O, `link_1` has its origin in the arm's
-base F, `link_2` in the elbow, `end_effector` in E. In x and y all of them are those of (1).
+of `odom`, and the links of the arm are on the platform, one above the other. `base_link` is on the
+ground below the middle O of the axle. `link_1` has its origin in the base F of the arm, `link_2`
+in the elbow, and `end_effector` in E. Their x and y are those of (1).
 """
 
 from __future__ import annotations

@@ -44,14 +44,14 @@ LONGEST_LIMITED = 0.01
 def reachable_surface(
     model: TreeModel, posture: Posture, motion: Numbers, reference: Numbers, surface: Numbers
 ) -> Numbers:
-    """Return J (nu - nu_r)."""
+    """Return J (nu - nu_r) (axes) in m/s or rad/s, of the velocities `motion` and `reference`."""
     reachable: Numbers = task_velocity(model, posture, elementwise(minus, motion, reference))
     return reachable
 
 
 @formula
 def compensated(model: TreeModel, acceleration: Numbers, drift: Numbers) -> Numbers:
-    """Return a_r minus the estimated drift."""
+    """Return a_r - drift: both are derivatives of nu, (joints) in m/s² or rad/s²."""
     return elementwise(minus, acceleration, drift)
 
 

@@ -5,9 +5,9 @@
 Rotations by their rotation vectors: phi, the axis times the angle in rad, in the world's frame.
 
 A path of orientations is three coordinates that move smoothly, as positions do; the rotation is
-R = exp(phi^). The map from phi's rate to the angular velocity, omega = J_l(phi) phidot, is the
-left Jacobian of SO(3) (Chirikjian, "Stochastic Models, Information Theory, and Lie Groups", 2012);
-it is singular at angles of a whole turn alone, so that a path may continue beyond half a turn.
+R = exp(phi^). The angular velocity is omega = J_l(phi) phidot, where J_l is the left Jacobian of
+SO(3) (Chirikjian, "Stochastic Models, Information Theory, and Lie Groups", 2012). It is singular
+only at angles of whole turns. A path may therefore continue beyond half a turn.
 """
 
 from __future__ import annotations

@@ -4,10 +4,10 @@
 """
 Task of a tree: poses of frames and positions of joints, or some of their entries.
 
-A tree's *coordinates* are x, y, z of the origin in m and the rotation vector in rad of each frame
-in the task, in the world's frame, one frame after the other, then the positions of all joints.
-`outputs.py` determines the indices of the task axes among them. Its velocities are the origins' in
-m/s, the angular velocities in rad/s and the joints' rates.
+The *coordinates* of a tree are those of each frame in the task, one frame after the other, then
+the positions of all joints. A frame has x, y, z of its origin in m and its rotation vector in rad,
+both in the world frame. `outputs.py` determines the indices of the task axes among them. Its
+velocities are the origins' in m/s, the angular velocities in rad/s and the joints' rates.
 """
 
 from __future__ import annotations
