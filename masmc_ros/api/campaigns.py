@@ -15,6 +15,7 @@ from masmc_ros.campaign.axes import axis
 from masmc_ros.campaign.campaign import Campaign, campaign_of
 from masmc_ros.campaign.draws import draw as parsed_draw
 from masmc_ros.campaign.engine import carry_out
+from masmc_ros.params.declaration import Values
 from masmc_ros.params.text import yaml_text
 from masmc_ros.share import scenario_file
 import pyarrow as pa
@@ -29,7 +30,7 @@ def sweep(
     runs: int = 1,
     seed: int = 0,
     sobol: bool = False,
-    settings: Mapping[str, Any] | None = None,
+    settings: Values | None = None,
     output: str | Path | None = None,
     threads: int = 0,
     scheduler: str = '',
@@ -91,7 +92,7 @@ def monte_carlo(
     runs: int = 1000,
     seed: int = 0,
     sobol: bool = False,
-    settings: Mapping[str, Any] | None = None,
+    settings: Values | None = None,
     output: str | Path | None = None,
     threads: int = 0,
     scheduler: str = '',

@@ -13,6 +13,7 @@ from masmc_ros.api.settings import settings_of
 from masmc_ros.loop.signals import Signal, SIGNALS
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.numerics.aliases import Array
+from masmc_ros.params.declaration import Values
 from masmc_ros.params.scenario import activation, load_scenario
 from masmc_ros.report.measure.labels import law_label
 from masmc_ros.report.measure.metrics import Metrics, Samples
@@ -45,7 +46,7 @@ class SimulatedRun:
 
     """
 
-    scenario: Mapping[str, Mapping[str, Any]]
+    scenario: Mapping[str, Values]
     time: Array
     signals: Mapping[str, NDArray[Any]]
     metrics: Metrics
@@ -92,7 +93,7 @@ class SimulatedRun:
 
 
 def simulate(
-    scenario: str = 'paper', settings: Mapping[str, Any] | None = None, **values: Any
+    scenario: str = 'paper', settings: Values | None = None, **values: Any
 ) -> SimulatedRun:
     """
     Compute a run, as `masmc simulate` does.

@@ -22,7 +22,7 @@ from masmc_ros.errors import InputError
 from masmc_ros.law import registry
 from masmc_ros.law.law import Law
 from masmc_ros.log.write.provenance import git_state
-from masmc_ros.params.declaration import check_all
+from masmc_ros.params.declaration import check_all, MutableValues
 from masmc_ros.params.node_parameters import declared
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.params.text import yaml_text
@@ -55,7 +55,7 @@ class Run:
     """
 
     number: int
-    values: dict[str, Any]
+    values: MutableValues
     scenario: Scenario
 
 

@@ -11,7 +11,7 @@ import re
 from typing import Any
 
 from masmc_ros.errors import InputError
-from masmc_ros.params.declaration import Parameter, Value
+from masmc_ros.params.declaration import MutableValues, Parameter, Value, Values
 from masmc_ros.params.scenario import readers
 from masmc_ros.params.text import yaml_text
 from masmc_ros.robot.declaration import Mechanism
@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 
 _ENTRY = re.compile(r'(.+)\[([0-9]+)\]')
 
-_TYPES: dict[str, Any] = {'bool': np.bool_, 'integer': np.int64, 'string': np.str_}
+_TYPES: dict[str, type[np.generic]] = {'bool': np.bool_, 'integer': np.int64, 'string': np.str_}
 """Types of columns by kind; the others are doubles."""
 
-Scenario = dict[str, dict[str, Any]]
+Scenario = dict[str, MutableValues]
 """Checked values by node and name."""
 
 
@@ -79,7 +79,7 @@ class Variable:
             if node in scenario:
                 scenario[node][parameter.name] = self.checked(scenario[node], parameter, value)
 
-    def checked(self, values: Mapping[str, Any], parameter: Parameter, value: Any) -> Value:
+    def checked(self, values: Values, parameter: Parameter, value: Any) -> Value:
         """Return the checked value of the parameter; `values` has the other entries."""
         if parameter.kind == 'integer' and isinstance(value, float) and value.is_integer():
             value = int(value)

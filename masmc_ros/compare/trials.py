@@ -12,6 +12,7 @@ from typing import Any
 
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.law.reaching.implicit import OBSERVER_GAIN
+from masmc_ros.params.declaration import MutableValues
 from masmc_ros.robot.declaration import Mechanism
 import numpy as np
 
@@ -113,7 +114,7 @@ _INERTIAL = ('kg', 'kg·m²')
 """Units of the robot's parameters that are drawn randomly."""
 
 
-def drawn(scenario: dict[str, dict[str, Any]], mechanism: Mechanism, seed: int) -> Any:
+def drawn(scenario: dict[str, MutableValues], mechanism: Mechanism, seed: int) -> Any:
     """
     Return a scenario with a true robot, disturbance and noise that are drawn by a seed.
 

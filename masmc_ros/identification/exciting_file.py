@@ -19,6 +19,7 @@ from masmc_ros.identification.excitation import (
 from masmc_ros.identification.nominal import nominal_of, of_its_kind
 from masmc_ros.identification.parameter_file import EVERY, write_parameters
 from masmc_ros.numerics.aliases import Array
+from masmc_ros.params.declaration import MutableValues, Values
 from masmc_ros.params.node_parameters import declared, NODES, shared
 from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.robot.robot import robot_of
@@ -50,7 +51,7 @@ class Excitation(NamedTuple):
 
 def write_exciting(
     path: Path,
-    scenario: Mapping[str, Mapping[str, Any]],
+    scenario: Mapping[str, Values],
     source: str,
     *,
     duration: float,
@@ -120,7 +121,7 @@ def write_exciting(
     return Excitation(condition, deviation, np.abs(rates).max(axis=0))
 
 
-def _kept(node: str, values: Mapping[str, Any], task: Mapping[str, Any]) -> dict[str, Any]:
+def _kept(node: str, values: Values, task: Values) -> MutableValues:
     """Return the values of a node that differ from defaults, and do not belong to the old path."""
     before = {p.name: p for p in declared(node, mechanism_from(values))}
     robot = mechanism_from({**values, **task})

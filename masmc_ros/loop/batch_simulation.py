@@ -39,13 +39,12 @@ from masmc_ros.loop.simulated_robot import (
 )
 from masmc_ros.loop.timing import Timing
 from masmc_ros.numerics.record import fill, lanes_of, take_over
+from masmc_ros.params.declaration import MutableValues, Values
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.robot import robot_of
 import numpy as np
 from numpy.typing import NDArray
-
-Values = Mapping[str, Any]
 
 BLOCK = 2_000
 """Ticks in memory at a time, with all lanes."""
@@ -228,7 +227,7 @@ def _law_settings(
     return settings, records.read_by(settings, mechanism)
 
 
-def of_all_lanes(run: Mapping[str, Values]) -> dict[str, Any]:
+def of_all_lanes(run: Mapping[str, Values]) -> MutableValues:
     """Return the values of a run that are equal in all lanes, by NODE.parameter."""
     names = {**_OF_ALL, 'trajectory': tuple(run['trajectory'])}
     return {f'{node}.{name}': run[node][name] for node in names for name in names[node]}

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 from masmc_ros.errors import InputError
@@ -31,6 +31,7 @@ from masmc_ros.loop.signals import inputs, SIGNALS
 from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.compiled import bound
 from masmc_ros.numerics.record import fill, take_over
+from masmc_ros.params.declaration import MutableValues, Values
 from masmc_ros.robot.robot import Robot
 import numpy as np
 
@@ -66,7 +67,7 @@ class Controller:
 
     """
 
-    def __init__(self, robot: Robot, period: float, values: Mapping[str, Any]) -> None:
+    def __init__(self, robot: Robot, period: float, values: Values) -> None:
         """
         Initialise the controller as at the start of a run.
 
@@ -94,7 +95,7 @@ class Controller:
         self.commands_rates = takes_rates(values)
         self.is_hybrid = is_hybrid(values)
         self.by_velocity = by_velocity(values, self.mechanism)
-        self.values: dict[str, Any] = {}
+        self.values: MutableValues = {}
         self._plug_in: PlugInLaw | None = None
         self._law: Law = registry.OF_RATES
         self._kernel: Callable[..., Any] | None = None
@@ -181,7 +182,7 @@ class Controller:
         if self._plug_in is not None:
             self._plug_in = type(self._plug_in)()
 
-    def change(self, values: Mapping[str, Any]) -> None:
+    def change(self, values: Values) -> None:
         """
         Apply checked values of some parameters from the next tick onwards.
 
@@ -284,7 +285,7 @@ class Controller:
         """Return True if the active law uses the reaching term named by `switching`."""
         return self._law.uses_switching
 
-    def _choose(self, values: Mapping[str, Any]) -> None:
+    def _choose(self, values: Values) -> None:
         """Create the records of a law; fields shared with the previous law keep their values."""
         law = registry.load_for(values['law'], self.mechanism)
         plug_in = None
@@ -323,7 +324,7 @@ class Controller:
     def _new_memory(self) -> records.Records:
         return records.law_memory(self.mechanism, self._law, compensated=self.is_compensated)
 
-    def _apply(self, values: Mapping[str, Any]) -> None:
+    def _apply(self, values: Values) -> None:
         self.values = dict(values)
         records.write_parameters(self.settings, self._read, values)
         if self._plug_in is None and values['projection.lower'] > 0.0:

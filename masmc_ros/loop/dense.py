@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 from masmc_ros.law.plug_in import TickInput
@@ -15,6 +14,7 @@ from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.numerics.scalars import zero
 from masmc_ros.numerics.tuples import elementwise, from_index, tail, thirds, unit
+from masmc_ros.params.declaration import Values
 from masmc_ros.robot import mechanism
 import numpy as np
 from numpy.typing import NDArray
@@ -76,7 +76,7 @@ def dense(settings: Any, row: Any) -> Any:
 def tick_input(
     settings: NDArray[np.void],
     signals: NDArray[np.void],
-    gains: Mapping[str, Any],
+    gains: Values,
     estimate: NDArray[np.float64],
     commanded: NDArray[np.float64],
 ) -> TickInput:

@@ -14,7 +14,7 @@ thread loads, and the change takes effect between two ticks.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from contextlib import redirect_stdout, suppress
 import json
 import os
@@ -53,6 +53,7 @@ from masmc_ros.numerics.compiled import (
     is_whole_on_disk,
     machine_code,
 )
+from masmc_ros.params.declaration import MutableValues, Values
 from masmc_ros.params.text import yaml_text
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.mechanisms import mechanism_from
@@ -67,8 +68,6 @@ _NICE_OF_REQUEST, _NICE_OF_PREPARATION = 5, 19
 
 _LONGEST_REASON = 200
 """Largest number of logged characters of the cause of an error."""
-
-Values = Mapping[str, Any]
 
 
 class Code(NamedTuple):
@@ -230,7 +229,7 @@ def prepare(mechanism: Mechanism) -> subprocess.Popen[bytes] | None:
 class Effect(NamedTuple):
     """Effect of requested parameter values."""
 
-    values: dict[str, Any]
+    values: MutableValues
     """Values used by the next tick."""
     withdrawn: tuple[str, ...] = ()
     """Names of parameters that keep their values because the change has failed."""
@@ -256,7 +255,7 @@ class LawChange:
         self._controller = controller
         self._known: dict[tuple[str, str, bool], Code] = {}
         self._code_of(controller.values).load()
-        self._wanted: dict[str, Any] = {}
+        self._wanted: MutableValues = {}
         self._making: _Making | None = None
 
     @property

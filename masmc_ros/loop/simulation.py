@@ -27,12 +27,11 @@ from masmc_ros.loop.simulated_robot import diverged, plant_of
 from masmc_ros.loop.tick_block import Change, TickBlock
 from masmc_ros.loop.timing import Timing
 from masmc_ros.numerics.aliases import Array
+from masmc_ros.params.declaration import Values
 from masmc_ros.reference.approach import Approach
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.robot.robot import robot_of
 import numpy as np
-
-Values = Mapping[str, Any]
 
 BLOCK = 20_000
 """Ticks in memory at a time."""

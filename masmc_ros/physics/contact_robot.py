@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 import math
 from typing import Any
 
@@ -14,6 +14,7 @@ from masmc_ros.loop.closed_loop import plant_drive, plant_observe
 from masmc_ros.loop.signals import CONTACT
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.numerics.compiled import bound
+from masmc_ros.params.declaration import Values
 from masmc_ros.physics.mujoco_model import contact_model
 from masmc_ros.robot.robot import Robot
 import mujoco
@@ -50,7 +51,7 @@ class ContactRobot(SimulatedRobot):
 
     is_compiled = False
 
-    def __init__(self, robot: Robot, period: float, values: Mapping[str, Any]) -> None:
+    def __init__(self, robot: Robot, period: float, values: Values) -> None:
         """Initialise like `SimulatedRobot`; raise InputError if MuJoCo rejects the robot."""
         self._steps = max(1, round(period / values['integrator_step']))
         self._parts, self._loaded = (

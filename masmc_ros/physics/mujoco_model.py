@@ -10,12 +10,13 @@ and castors have contacts.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 import math
 from typing import Any, NamedTuple
 
 from masmc_ros.errors import InputError
 from masmc_ros.numerics.aliases import Array
+from masmc_ros.params.declaration import Values
 from masmc_ros.robot.robot import Robot
 from masmc_ros.robot.tree.assembly import tree_robot, TreeRobot
 from masmc_ros.robot.urdf import read_urdf
@@ -206,7 +207,7 @@ class _Wheel(NamedTuple):
         return [ahead, left, self.centre[0] * left - self.centre[1] * ahead]
 
 
-def _wheel(tree: TreeRobot, joint: str, values: Mapping[str, Any]) -> _Wheel:
+def _wheel(tree: TreeRobot, joint: str, values: Values) -> _Wheel:
     """Return a driven wheel of the robot, with its axle along y of the base."""
     number = _number(tree, joint)
     centre = tree.tree.offset[number]

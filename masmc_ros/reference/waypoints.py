@@ -14,7 +14,6 @@ minimum jerk (Flash and Hogan 1985).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from itertools import pairwise
 from typing import Any, ClassVar
 
@@ -23,7 +22,7 @@ from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.elimination import solve_band
 from masmc_ros.numerics.hermite import quintic
-from masmc_ros.params.declaration import Parameter
+from masmc_ros.params.declaration import Parameter, Values
 from masmc_ros.params.text import yaml_text
 from masmc_ros.reference.reference import Declared
 from masmc_ros.robot.declaration import Mechanism
@@ -57,7 +56,7 @@ class Waypoints:
 
     parameters: ClassVar[Declared] = staticmethod(_parameters)
 
-    def __init__(self, values: Mapping[str, Any]) -> None:
+    def __init__(self, values: Values) -> None:
         """Initialise from checked values without the type's prefix; each time has a point."""
         self._times = np.array(values['times'], dtype=np.float64)
         points = np.array(values['points'], dtype=np.float64).reshape(len(self._times), -1)
@@ -66,7 +65,7 @@ class Waypoints:
             _pass_through(self._times, self._knots)
 
     @classmethod
-    def of(cls, values: Mapping[str, Any], mechanism: Mechanism) -> Waypoints:
+    def of(cls, values: Values, mechanism: Mechanism) -> Waypoints:
         """Return the path; raise InputError if times and points do not match the task."""
         times, axes = values['times'], mechanism.axes
         if not times:

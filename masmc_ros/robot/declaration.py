@@ -21,7 +21,7 @@ from typing import Any, Literal, NamedTuple
 
 from masmc_ros.errors import InputError
 from masmc_ros.numerics.aliases import Array, Numbers
-from masmc_ros.params.declaration import Parameter
+from masmc_ros.params.declaration import MutableValues, Parameter
 import numpy as np
 
 ODOM_FRAME = 'odom'
@@ -275,9 +275,9 @@ class Mechanism:
     speed_settings: tuple[str, ...] = ()
 
     @property
-    def choice(self) -> dict[str, Any]:
+    def choice(self) -> MutableValues:
         """Return the parameter values that select it, also in another process."""
-        chosen: dict[str, Any] = {'robot.mechanism': self.name}
+        chosen: MutableValues = {'robot.mechanism': self.name}
         if self.speed_settings:
             chosen[SPEED_LIMITS.name] = self.speed_settings
         return chosen

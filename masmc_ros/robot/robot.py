@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -16,6 +15,7 @@ from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.numerics.record import fill, new_record
+from masmc_ros.params.declaration import Values
 from masmc_ros.robot import mechanism as formulas
 from masmc_ros.robot.declaration import Mechanism, ODOM_FRAME
 from masmc_ros.robot.joint_names import driven_joint_names
@@ -37,7 +37,7 @@ class Robot:
 
     mechanism: Mechanism
     """Type of the robot."""
-    values: Mapping[str, Any]
+    values: Values
     """Parameters of the robot by name, without `robot.`."""
     geometry: Array
     """Lengths in m, in the order of the mechanism's model."""
@@ -82,7 +82,7 @@ class Robot:
         return heights[self.mechanism.point_frame or child]
 
 
-def robot_of(values: Mapping[str, Any]) -> Robot:
+def robot_of(values: Values) -> Robot:
     """Return the robot of a node's checked values; raise InputError for an invalid robot."""
     mechanism = mechanism_from(values)
     own = {p.name.removeprefix('robot.'): values[p.name] for p in mechanism.parameters}
@@ -90,7 +90,7 @@ def robot_of(values: Mapping[str, Any]) -> Robot:
     return Robot(mechanism, own, np.array(lengths), np.array(theta))
 
 
-def robot_description(values: Mapping[str, Any], frame_prefix: str = '') -> str:
+def robot_description(values: Values, frame_prefix: str = '') -> str:
     """
     Return the URDF of the robot of a node's checked values.
 

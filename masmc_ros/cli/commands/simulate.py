@@ -22,6 +22,7 @@ from masmc_ros.log.recover.overlap import check_apart
 from masmc_ros.loop.signals import largest_slip
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.tick_block import Change
+from masmc_ros.params.declaration import Values
 from masmc_ros.params.scenario import activation, load_scenario, logged_scenario, strays
 from masmc_ros.report.aligned import WIDTH
 from masmc_ros.report.files import check_absent
@@ -40,7 +41,7 @@ _PROGRESS_FROM = 200_000
 class _Source(NamedTuple):
     """Run to compute, and the logged run to compare it with, if there is one."""
 
-    values: Mapping[str, Any]
+    values: Values
     changes: Sequence[Change]
     files: Mapping[str, bytes]
     run: Run | None = None

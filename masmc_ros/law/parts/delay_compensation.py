@@ -17,7 +17,6 @@ the gains. Without latency the compiled code contains none of this: `COMPENSATIO
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 import math
 from types import SimpleNamespace
 from typing import Any, NamedTuple
@@ -33,7 +32,7 @@ from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.lanes import in_place
 from masmc_ros.numerics.scalars import minus, moved, plus, zero
 from masmc_ros.numerics.tuples import dot, elementwise, head, joined, tail
-from masmc_ros.params.declaration import Parameter
+from masmc_ros.params.declaration import Parameter, Values
 from masmc_ros.robot import mechanism
 
 OFF, ON = '', 'delay'
@@ -138,7 +137,7 @@ ENABLING = ('latency', 'motor_lag', 'compensation.gain')
 """Parameters that enable the compensation if one of them is not zero."""
 
 
-def is_compensated(values: Mapping[str, Any]) -> bool:
+def is_compensated(values: Values) -> bool:
     """Return True if a controller with these parameter values compensates latency."""
     return any(values[name] > 0.0 for name in ENABLING)
 

@@ -28,6 +28,7 @@ from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.messages.string_message import string_message
 from masmc_ros.messages.telemetry import telemetry_messages
 from masmc_ros.messages.transforms import transforms_messages
+from masmc_ros.params.declaration import Values
 from masmc_ros.robot.joint_names import check_frame_prefix, joint_names
 from masmc_ros.robot.robot import robot_description, robot_of
 import numpy as np
@@ -53,7 +54,7 @@ class SimulationLog:
     """
 
     def __init__(
-        self, path: Path, simulation: Simulation, values: Mapping[str, Mapping[str, Any]],
+        self, path: Path, simulation: Simulation, values: Mapping[str, Values],
         files: Mapping[str, bytes],
     ) -> None:
         """

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
 from geometry_msgs.msg import Twist, TwistStamped
@@ -14,6 +14,7 @@ from masmc_ros.messages.commands import ARM_VELOCITY, CommandWriter, EFFORT
 from masmc_ros.messages.names import ARM_VELOCITY_TOPIC, CMD_VEL_TOPIC, COMMAND_TOPIC
 from masmc_ros.messages.platform_messages import TwistCdr, TwistStampedCdr
 from masmc_ros.numerics.aliases import Array
+from masmc_ros.params.declaration import Values
 from masmc_ros.robot.joint_names import check_frame_prefix
 import numpy as np
 from rclpy.publisher import Publisher
@@ -97,7 +98,7 @@ class BaseOutput:
     """Velocities of the base on cmd_vel, and commands of the other joints on a separate topic."""
 
     def __init__(
-        self, controller: Controller, values: Mapping[str, Any], joints: Sequence[str]
+        self, controller: Controller, values: Values, joints: Sequence[str]
     ) -> None:
         """
         Initialise with the controller, its parameters and the names of the driven joints.

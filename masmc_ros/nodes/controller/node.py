@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 import math
 import sys
 import time
@@ -54,6 +54,7 @@ from masmc_ros.nodes.process.command_line import CommandLine
 from masmc_ros.nodes.process.diagnostics import publish_health
 from masmc_ros.nodes.process.rejected_messages import RejectedMessages
 from masmc_ros.nodes.process.runtime import run
+from masmc_ros.params.declaration import MutableValues, Values
 from masmc_ros.params.text import yaml_text
 from masmc_ros.reference.approach import Approach
 from masmc_ros.reference.windows import ReferenceWindows
@@ -183,7 +184,7 @@ class ControllerNode(SuiteNode):
         windows.add(0, 1e-6, np.zeros((2, sizes['desired'])))
         windows.at(500)
 
-    def _request(self, values: dict[str, Any]) -> Pending:
+    def _request(self, values: MutableValues) -> Pending:
         """Apply requested values, those that need other compiled code when it is ready."""
         effect = self._law_change.request(values, waits=self._is_lockstep)
         self._apply(effect)
@@ -334,14 +335,14 @@ def _log(log: Any, level: str, text: str) -> None:
         log.info(text)
 
 
-def _stamp_age(plant_values: Mapping[str, Any], period: float) -> float:
+def _stamp_age(plant_values: Values, period: float) -> float:
     """Return the delay of a simulated plant before its stamps in s."""
     delay = plant_values.get('measurement_delay', 0.0)
     is_valid = isinstance(delay, float) and 0.0 <= delay <= 1.0
     return stamp_age(delay, period) if is_valid else 0.0
 
 
-def _check_law(values: Mapping[str, Any]) -> None:
+def _check_law(values: Values) -> None:
     """Raise InputError for a law that cannot be loaded, or does not support the robot."""
     registry.load_for(values['law'], mechanism_from(values))
     # Raises InputError for a command interface whose latency cannot be compensated.

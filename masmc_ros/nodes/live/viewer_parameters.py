@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 import time
 from typing import Any, NamedTuple
@@ -16,6 +16,7 @@ from masmc_ros.messages.topics import PARAMETER_NODES
 from masmc_ros.nodes.live.server import Change, LiveServer, plain
 from masmc_ros.nodes.middleware.messages import deserialized
 from masmc_ros.nodes.parameters.service_call import ServiceCall
+from masmc_ros.params.declaration import Values
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
@@ -56,7 +57,7 @@ class LiveParameters:
         }
         self._pending: list[_Pending] = []
 
-    def on_record(self, node: str, raw: bytes) -> Mapping[str, Any]:
+    def on_record(self, node: str, raw: bytes) -> Values:
         """
         Show the values in a message of a node's topic `~/parameters`, and return them.
 
@@ -146,7 +147,7 @@ class LiveParameters:
         self._server.show_error(name, reason)
         self._log_error(f'{name} is not set: {reason}')
 
-    def _show(self, node: str, values: Mapping[str, Any]) -> None:
+    def _show(self, node: str, values: Values) -> None:
         self._server.show_values(
             {f'{node}.{name}': plain(value) for name, value in values.items() if value is not None}
         )

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 import sys
 from typing import Any, NamedTuple
 
@@ -13,7 +13,7 @@ from masmc_ros.errors import InputError, suggestion
 from masmc_ros.nodes.middleware.clock import CheckedClockNode
 from masmc_ros.nodes.parameters.services import CheckedParameterService
 from masmc_ros.nodes.process.command_line import CommandLine
-from masmc_ros.params.declaration import check_all, Parameter
+from masmc_ros.params.declaration import check_all, MutableValues, Parameter, Values
 from masmc_ros.params.node_parameters import accepted, drop_foreign, foreign_text
 from masmc_ros.params.text import yaml_text
 from masmc_ros.robot.declaration import Mechanism
@@ -178,7 +178,7 @@ class RosParameters:
         declare: Callable[[Mechanism], Sequence[Parameter]],
         *,
         command_line: CommandLine,
-        check: Callable[[Mapping[str, Any]], None] = lambda _: None,
+        check: Callable[[Values], None] = lambda _: None,
     ) -> None:
         """
         Declare the parameters on the node.
@@ -202,9 +202,9 @@ class RosParameters:
         """
         self._node = node
         self._check = check
-        self._listeners: list[Callable[[dict[str, Any]], None]] = []
-        self._decide: Callable[[dict[str, Any]], Pending] | None = None
-        self._requested: dict[str, Any] = {}
+        self._listeners: list[Callable[[MutableValues], None]] = []
+        self._decide: Callable[[MutableValues], Pending] | None = None
+        self._requested: MutableValues = {}
         self._pending: dict[str, Pending] = {}
         if isinstance(node, ParameterNode):
             node.outcome = self._outcome
@@ -232,11 +232,11 @@ class RosParameters:
         node.add_on_set_parameters_callback(self._validate)
         node.add_post_set_parameters_callback(self._commit)
 
-    def on_change(self, listener: Callable[[dict[str, Any]], None]) -> None:
+    def on_change(self, listener: Callable[[MutableValues], None]) -> None:
         """Call the listener after each change, with the new checked values."""
         self._listeners.append(listener)
 
-    def on_request(self, decide: Callable[[dict[str, Any]], Pending]) -> None:
+    def on_request(self, decide: Callable[[MutableValues], Pending]) -> None:
         """
         Let the node decide when requested values take effect.
 
@@ -246,7 +246,7 @@ class RosParameters:
         """
         self._decide = decide
 
-    def take_effect(self, values: Mapping[str, Any]) -> None:
+    def take_effect(self, values: Values) -> None:
         """Use checked values from now on."""
         self._forget(values)
         new = {name: v for name, v in values.items() if v != self.values[name]}
@@ -328,7 +328,7 @@ class RosParameters:
             self._requested.pop(name, None)
             self._pending.pop(name, None)
 
-    def _checked(self, changes: list[Any]) -> dict[str, Any]:
+    def _checked(self, changes: list[Any]) -> MutableValues:
         return {
             c.name: self._declarations[c.name].check(_plain(c.value))
             for c in changes

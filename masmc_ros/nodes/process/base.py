@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 import signal
 import time
@@ -18,6 +18,7 @@ from masmc_ros.nodes.middleware.latched import Latched
 from masmc_ros.nodes.middleware.qos import DEEP, publisher_qos
 from masmc_ros.nodes.parameters.ros_parameters import ParameterNode, RosParameters
 from masmc_ros.nodes.process.command_line import CommandLine
+from masmc_ros.params.declaration import Values
 from masmc_ros.params.node_parameters import declared
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
@@ -73,7 +74,7 @@ class SuiteNode:
         *,
         context: Context,
         command_line: CommandLine,
-        check: Callable[[Mapping[str, Any]], None] = lambda _: None,
+        check: Callable[[Values], None] = lambda _: None,
     ) -> None:
         """
         Create the node and declare its parameters.

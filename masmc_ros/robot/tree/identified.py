@@ -10,6 +10,7 @@ import xml.etree.ElementTree as ElementTree
 
 from masmc_ros.errors import InputError
 from masmc_ros.numerics.aliases import Array
+from masmc_ros.params.declaration import MutableValues
 from masmc_ros.robot.declaration import URDF
 from masmc_ros.robot.robot import Robot
 from masmc_ros.robot.tree.assembly import pseudo_inertia
@@ -30,7 +31,7 @@ def payload_factors(robot: Robot) -> Array:
     return factors
 
 
-def values_of(robot: Robot, theta: Array) -> dict[str, Any]:
+def values_of(robot: Robot, theta: Array) -> MutableValues:
     """
     Return the values of `robot.` parameters of a robot with these inertial parameters (p).
 
@@ -85,7 +86,7 @@ def _inertial(moments: Array) -> ElementTree.Element:
     return element
 
 
-def exciting_task(robot: Robot) -> dict[str, Any]:
+def exciting_task(robot: Robot) -> MutableValues:
     """Return the values of parameters whose task determines the motion of all joints."""
     mechanism: Any = robot.mechanism
     kind = mechanism.choice['robot.base']
