@@ -17,7 +17,8 @@ from importlib import import_module
 from importlib.util import find_spec
 import math
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from types import ModuleType, SimpleNamespace
+from typing import Literal, NamedTuple
 
 from masmc_ros.errors import InputError
 from masmc_ros.numerics.aliases import Array, Numbers
@@ -374,7 +375,7 @@ class Mechanism:
         return f'{self.name} {digest.hexdigest()[:12]}'
 
     @cached_property
-    def formulas(self) -> Any:
+    def formulas(self) -> ModuleType | SimpleNamespace:
         """Return the module with the formulas, imported on demand."""
         return import_module(self.module)
 
@@ -393,12 +394,12 @@ def register(mechanism: Mechanism) -> Mechanism:
     return mechanism
 
 
-def formulas_of_tag(tag: str) -> Any:
+def formulas_of_tag(tag: str) -> ModuleType | SimpleNamespace:
     """Return the formulas for the tag of a record."""
     return _KNOWN[tag].formulas
 
 
-def formulas_of_model(model: type) -> Any:
+def formulas_of_model(model: type) -> ModuleType | SimpleNamespace:
     """Return the formulas of the class of a mechanism's lengths."""
     return next(
         mechanism.formulas for mechanism in _KNOWN.values() if mechanism.formulas.MODEL is model

@@ -10,7 +10,9 @@ all fields of laws. These types have no values: editors and mypy read them.
 
 from __future__ import annotations
 
-from masmc_ros.numerics.aliases import Joints, Parameters
+from typing import Protocol
+
+from masmc_ros.numerics.aliases import Axes, Joints, Numbers, Parameters
 
 Lengths = tuple[object, ...]
 """Named tuple of a mechanism's constant lengths, the first argument of its formulas."""
@@ -23,6 +25,24 @@ MechanismRegressor = tuple[object, ...]
 
 MechanismInertia = object
 """Result of `mechanism.inertia`, a named tuple or an array of the mechanism."""
+
+
+class HasGeometry(Protocol):
+    """One lane of any record with the lengths of a mechanism."""
+
+    @property
+    def geometry(self) -> Numbers:
+        """Return the lengths as a vector."""
+        ...
+
+
+class RobotLane:
+    """Fields of `robot.Robot.body`."""
+
+    geometry: Numbers
+    position: Numbers
+    rates: Joints
+    error: Axes
 
 
 class LawSettings:

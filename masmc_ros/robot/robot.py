@@ -7,9 +7,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
-from masmc_ros.numerics.aliases import Array
+from masmc_ros.numerics.aliases import Array, Records
 from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.field import Field
@@ -103,7 +102,7 @@ def robot_description(values: Values, frame_prefix: str = '') -> str:
 
 
 @kernel
-def _task_positions(body: Any, position: Any) -> Array:
+def _task_positions(body: Records, position: Array) -> Array:
     robot = lane_of(body[0], 0)
     template = robot.position
     model = formulas.model_of(robot)

@@ -15,7 +15,7 @@ from collections.abc import Callable
 from functools import cache
 from typing import NamedTuple
 
-from masmc_ros.numerics.aliases import Array, Numbers, Record
+from masmc_ros.numerics.aliases import Array, Numbers
 from masmc_ros.numerics.arrays import array_of, to_vector
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.elimination import factor, solve
@@ -24,7 +24,7 @@ from masmc_ros.numerics.portable_math import sin_cos
 from masmc_ros.numerics.scalars import minus, zero
 from masmc_ros.numerics.scratch import copy_into, scratch
 from masmc_ros.numerics.tuples import elementwise, joined
-from masmc_ros.robot.formula_types import LawSettings
+from masmc_ros.robot.formula_types import HasGeometry, LawSettings
 from masmc_ros.robot.gradient_step import gradient_step
 from masmc_ros.robot.tree import dynamics
 from masmc_ros.robot.tree.articulated import write_accelerations
@@ -87,12 +87,12 @@ class Regressor(NamedTuple):
 
 
 @cache
-def model_of_axes(count: int) -> Callable[[Record], TreeModel]:
+def model_of_axes(count: int) -> Callable[[HasGeometry], TreeModel]:
     """Return `model_of` for a task of `count` axes, which is a constant of the compiled code."""
     as_many = (0.0,) * count
 
     @formula
-    def model_of(record: Record) -> TreeModel:
+    def model_of(record: HasGeometry) -> TreeModel:
         numbers = in_place(record, 'geometry')
         return TreeModel(numbers, axes_of(numbers, as_many))
 

@@ -9,13 +9,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from types import SimpleNamespace
-from typing import Any
 import xml.etree.ElementTree as ElementTree
 
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.tuples import LONGEST
-from masmc_ros.params.declaration import MutableValues, Parameter, Values
+from masmc_ros.params.declaration import MutableValues, Parameter, Value, Values
 from masmc_ros.robot.declaration import (
     Coordinate,
     Group,
@@ -225,7 +224,7 @@ class TreeMechanism(Mechanism):
         return ' '.join(map(str, (self.name, *sizes)))
 
     @cached_property
-    def formulas(self) -> Any:
+    def formulas(self) -> SimpleNamespace:
         """Return the formulas of all trees, and the functions for names and URDF of this one."""
         own = {
             name: getattr(self, f'_{name}')
@@ -362,7 +361,7 @@ def tree_mechanism(values: Values) -> TreeMechanism:
 
 
 @lru_cache(maxsize=16)
-def _made(urdf: str, own: tuple[Any, ...]) -> TreeMechanism:
+def _made(urdf: str, own: tuple[Value, ...]) -> TreeMechanism:
     values: MutableValues = {p.name: value for p, value in zip(_DESCRIBING, own, strict=True)}
     text, description, where = described(urdf)
     names, wheels = values['robot.held_joints'], values['robot.wheels']
