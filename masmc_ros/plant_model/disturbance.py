@@ -5,8 +5,7 @@
 
 from __future__ import annotations
 
-from typing import Any
-
+from masmc_ros.numerics.aliases import Array, Record
 from masmc_ros.numerics.bits import bits_of
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.lanes import lane_of
@@ -32,7 +31,7 @@ def moment(time: float, step: int, halves: int, h: float) -> float:
 
 
 @formula
-def write_push(plant: Any, memory: Any, time: float) -> None:
+def write_push(plant: Record, memory: Record, time: float) -> None:
     """Write amplitude sin(frequency t + phase) in N·m at t in s as `disturbance`, in all lanes."""
     for lane in range(lane_count(plant)):
         robot = lane_of(plant, lane)
@@ -42,13 +41,13 @@ def write_push(plant: Any, memory: Any, time: float) -> None:
 
 
 @formula
-def waves_of_step(plant: Any) -> int:
+def waves_of_step(plant: Record) -> int:
     """Return how many numbers `write_waves` writes at most."""
     return padded(3 * len(plant['phase']))
 
 
 @formula
-def shares_waves(plant: Any) -> bool:
+def shares_waves(plant: Record) -> bool:
     """Return True if disturbances of all lanes have the same frequencies and phases."""
     frequency, phase = plant['frequency'], plant['phase']
     others = 0
@@ -62,7 +61,7 @@ def shares_waves(plant: Any) -> bool:
 
 
 @formula
-def write_waves(plant: Any, time: float, step: int, h: float, waves: Any) -> None:
+def write_waves(plant: Record, time: float, step: int, h: float, waves: Array) -> None:
     """
     Write the sines that all lanes share: of the middle of a step, its end, and the first start.
 
@@ -79,7 +78,7 @@ def write_waves(plant: Any, time: float, step: int, h: float, waves: Any) -> Non
 
 
 @formula
-def push_by_waves(plant: Any, memory: Any, halves: int, waves: Any) -> None:
+def push_by_waves(plant: Record, memory: Record, halves: int, waves: Array) -> None:
     """Write `disturbance` of all lanes after half steps, from the values of `write_waves`."""
     amplitude, disturbance = plant['amplitude'], memory['disturbance']
     first = (halves + 2) % 3 * len(disturbance)
