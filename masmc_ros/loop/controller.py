@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.law import registry
@@ -98,7 +97,7 @@ class Controller:
         self.values: MutableValues = {}
         self._plug_in: PlugInLaw | None = None
         self._law: Law = registry.OF_RATES
-        self._kernel: Callable[..., Any] | None = None
+        self._kernel: Callable[..., int] | None = None
         self.is_compensated = records.is_compensated(values)
         self._stamp_age = 0.0
         self.memory = self._new_memory()

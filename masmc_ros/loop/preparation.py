@@ -23,7 +23,7 @@ import subprocess
 import sys
 from threading import Lock, Thread
 import time
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from masmc_ros.errors import UserError
 from masmc_ros.law import registry
@@ -45,12 +45,14 @@ from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.dense import dense
 from masmc_ros.loop.dry_run import check
 from masmc_ros.loop.signals import inputs
+from masmc_ros.numerics.aliases import AnyArray
 from masmc_ros.numerics.compiled import (
     bound,
     is_interpreted,
     is_loaded,
     is_on_disk,
     is_whole_on_disk,
+    Kernel,
     machine_code,
 )
 from masmc_ros.params.declaration import MutableValues, Values
@@ -70,12 +72,16 @@ _LONGEST_REASON = 200
 """Largest number of logged characters of the cause of an error."""
 
 
+_Call = tuple[Kernel, tuple[AnyArray, ...]]
+"""Kernel with its arguments."""
+
+
 class Code(NamedTuple):
     """Compiled code of one law with one switching term."""
 
     name: tuple[str, str, bool]
     """Names of the law and of the switching term, empty for a law without it; compensated."""
-    calls: tuple[tuple[Any, tuple[Any, ...]], ...]
+    calls: tuple[_Call, ...]
     """Kernels, each with example arguments of the required types."""
 
     @property
@@ -94,7 +100,7 @@ class Code(NamedTuple):
         return all(is_whole_on_disk(kernel, *arguments) for kernel, arguments in self._to_load)
 
     @property
-    def _to_load(self) -> Iterator[tuple[Any, tuple[Any, ...]]]:
+    def _to_load(self) -> Iterator[_Call]:
         return (call for call in self.calls if not is_loaded(call[0], *call[1]))
 
     def load(self) -> None:
@@ -134,7 +140,7 @@ def code_of_plain_law(
     signals = records.signals(mechanism)
     memory = records.law_memory(mechanism, SMC, compensated=compensated)
     settings = records.law_settings(mechanism, SMC, switching, compensated=compensated)
-    before: tuple[tuple[Any, tuple[Any, ...]], ...] = (
+    before: tuple[_Call, ...] = (
         (estimate_velocity, (settings, memory, signals)),
     )
     if compensated:

@@ -110,7 +110,7 @@ def parameter_values(content: Any) -> MutableValues:
     return values
 
 
-def _check_scalar(value: Any) -> None:
+def _check_scalar(value: object) -> None:
     if isinstance(value, str):
         value.encode()
     elif isinstance(value, int):

@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.aliases import Columns, Numbers
 from masmc_ros.numerics.generated import called, Compiler, generated, tuple_type
 from numba import types
 from numba.core import cgutils
@@ -133,7 +133,7 @@ def _elementwise_of_arrays(compiler: Compiler, function: Any, kinds: Any, values
     return out
 
 
-def from_index(function: Callable[..., Any], template: Numbers, argument: Any) -> Any:
+def from_index(function: Callable[..., Any], template: Numbers | Columns, argument: Any) -> Any:
     """Return the vector of function(argument, i) for every index i of `template`."""
     entries = [function(argument, i) for i in range(len(template))]
     return tuple(entries) if isinstance(template, tuple) else np.array(entries)

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from masmc_ros.errors import InputError
 from masmc_ros.numerics.aliases import Array
@@ -113,7 +113,13 @@ class Arc:
 
 @kernel
 def _sample(
-    start: Any, circle: Any, first: int, angle: float, delay: float, duration: float, times: Any
+    start: Array,
+    circle: Array,
+    first: int,
+    angle: float,
+    delay: float,
+    duration: float,
+    times: Array,
 ) -> Array:
     axes = len(start)
     out = np.zeros((len(times), 3 * axes))

@@ -5,9 +5,10 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from masmc_ros.errors import InputError
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.params.declaration import Parameter, Values
 from masmc_ros.params.plug_ins import load_plug_in, plugged_in
@@ -61,7 +62,7 @@ class LineSine:
 
 
 @kernel
-def _sample_line_sine(table: Any, times: Any) -> NDArray[np.float64]:
+def _sample_line_sine(table: Array, times: Array) -> NDArray[np.float64]:
     axes, count = table.shape[1], len(times)
     out = np.empty((count, 3 * axes))
     # An axis after the other, of times that a cache holds: a processor takes several at once.

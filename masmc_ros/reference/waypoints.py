@@ -15,7 +15,7 @@ minimum jerk (Flash and Hogan 1985).
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from masmc_ros.errors import InputError
 from masmc_ros.numerics.aliases import Array
@@ -90,7 +90,7 @@ class Waypoints:
 
 
 @kernel
-def _pass_through(times: Any, knots: Any) -> None:
+def _pass_through(times: Array, knots: Array) -> None:
     """
     Write velocity and acceleration into knots (n, 3 axes) that have positions.
 
@@ -127,7 +127,7 @@ def _pass_through(times: Any, knots: Any) -> None:
 
 
 @kernel
-def _sample(times: Any, knots: Any, at: Any) -> Array:
+def _sample(times: Array, knots: Array, at: Array) -> Array:
     last, axes = len(times) - 1, knots.shape[1] // 3
     out = np.empty((len(at), 3 * axes))
     for k in range(len(at)):

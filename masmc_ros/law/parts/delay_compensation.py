@@ -19,12 +19,13 @@ from __future__ import annotations
 
 import math
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.parts.slip import backed_off
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.aliases import Joints, Numbers
 from masmc_ros.numerics.arrays import read_along, write_along
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.dispatch import by_tag, interface
@@ -34,6 +35,7 @@ from masmc_ros.numerics.scalars import minus, moved, plus, zero
 from masmc_ros.numerics.tuples import dot, elementwise, head, joined, tail
 from masmc_ros.params.declaration import Parameter, Values
 from masmc_ros.robot import mechanism
+from masmc_ros.robot.formula_types import Lengths, MechanismPosture
 
 OFF, ON = '', 'delay'
 """Tags of records without and with compensation."""
@@ -133,6 +135,31 @@ MEMORY = (
 """Memory with compensation; times are those of the measured states."""
 
 
+class CompensationSettings(Settings):
+    """Settings with the one of this module."""
+
+    stamp_age: float
+
+
+class CompensationMemory(Memory):
+    """State of a law with that of this module."""
+
+    acceleration: Joints
+    acceleration_slope: Joints
+    measured_position: Numbers
+    measured_base: Numbers
+    measured_rates: Joints
+    measured_acceleration: Joints
+    history_torque: Numbers
+    history_start: Numbers
+    history_newest: int
+    history_initialised: int
+    state_time: float
+    acts_from: float
+    skipped: int
+    later: float
+
+
 ENABLING = ('latency', 'motor_lag', 'compensation.gain')
 """Parameters that enable the compensation if one of them is not zero."""
 
@@ -152,24 +179,26 @@ class State(NamedTuple):
 
 
 @formula
-def _same_state(settings: Any, memory: Any, state: State) -> State:
+def _same_state(settings: Settings, memory: Memory, state: State) -> State:
     return state
 
 
 @formula
-def _same_torque(settings: Any, memory: Any, posture: Any, raw: Numbers) -> Numbers:
+def _same_torque(
+    settings: Settings, memory: Memory, posture: MechanismPosture, raw: Numbers
+) -> Numbers:
     return raw
 
 
 @formula
 def _error_of_law(
-    settings: Any, memory: Any, desired: Numbers, rate: Numbers, error: Numbers
+    settings: Settings, memory: Memory, desired: Numbers, rate: Numbers, error: Numbers
 ) -> Numbers:
     return error
 
 
 @formula
-def _tracking_gradient(settings: Any, memory: Any, tick: Tick) -> Numbers:
+def _tracking_gradient(settings: Settings, memory: Memory, tick: Tick) -> Numbers:
     """Return Y' sigma of (23)."""
     w = mechanism.motion_error(
         tick.model, tick.posture, tick.velocity, tick.reference_velocity, tick.surface
@@ -178,27 +207,27 @@ def _tracking_gradient(settings: Any, memory: Any, tick: Tick) -> Numbers:
 
 
 @formula
-def _one_period(settings: Any) -> float:
+def _one_period(settings: Settings) -> float:
     return settings.period
 
 
 @formula
-def _never(settings: Any) -> bool:
+def _never(settings: Settings) -> bool:
     return False
 
 
 @formula
-def _always(settings: Any) -> bool:
+def _always(settings: Settings) -> bool:
     return True
 
 
 @formula
-def _usual_latency(settings: Any) -> float:
+def _usual_latency(settings: Settings) -> float:
     return settings.latency + settings.motor_lag
 
 
 @formula
-def total_latency(settings: Any, memory: Any) -> float:
+def total_latency(settings: CompensationSettings, memory: CompensationMemory) -> float:
     """Return L of the current state in s."""
     usual = _usual_latency(settings)
     most, longest = JITTER * usual, (HISTORY - 2) * settings.period
@@ -206,7 +235,7 @@ def total_latency(settings: Any, memory: Any) -> float:
 
 
 @formula
-def _horizon(settings: Any) -> float:
+def _horizon(settings: Settings) -> float:
     """Return h in s."""
     chosen = settings.compensation_horizon
     latency, period = _usual_latency(settings), settings.period
@@ -215,7 +244,7 @@ def _horizon(settings: Any) -> float:
 
 
 @formula
-def estimate_gain(settings: Any) -> float:
+def estimate_gain(settings: Settings) -> float:
     """Return beta."""
     chosen, latency = settings.compensation_gain, _usual_latency(settings)
     period = settings.period
@@ -226,7 +255,7 @@ def estimate_gain(settings: Any) -> float:
 
 
 @formula
-def _store_command(memory: Any, torque: Numbers) -> None:
+def _store_command(memory: CompensationMemory, torque: Numbers) -> None:
     """Store the last command."""
     newest = (memory.history_newest + 1) & (HISTORY - 1)
     write_along(in_place(memory, 'history_torque'), newest * len(torque), torque)
@@ -240,7 +269,9 @@ def _added(total: float, value: float, share: float) -> float:
 
 
 @formula
-def _mean_torque(memory: Any, start: float, end: float, template: Numbers) -> Numbers:
+def _mean_torque(
+    memory: CompensationMemory, start: float, end: float, template: Numbers
+) -> Numbers:
     """Return the mean acting torque between two times in s."""
     torques, starts = in_place(memory, 'history_torque'), in_place(memory, 'history_start')
     newest, count = memory.history_newest, len(template)
@@ -263,7 +294,12 @@ def _mean_torque(memory: Any, start: float, end: float, template: Numbers) -> Nu
 
 @formula
 def _derivative(
-    model: Any, theta: Numbers, position: Numbers, rates: Numbers, torque: Numbers, extra: Numbers
+    model: Lengths,
+    theta: Numbers,
+    position: Numbers,
+    rates: Numbers,
+    torque: Numbers,
+    extra: Numbers,
 ) -> tuple[Numbers, Numbers]:
     """Return the derivatives of positions and rates; `extra` are accelerations of the joints."""
     posture = mechanism.posture(model, position)
@@ -279,8 +315,8 @@ def _corrected(value: float, first: float, second: float, half: float) -> float:
 
 @kernel
 def _advanced(
-    settings: Any,
-    memory: Any,
+    settings: CompensationSettings,
+    memory: CompensationMemory,
     position: Numbers,
     rates: Numbers,
     start: float,
@@ -349,7 +385,9 @@ def observer_gains(
 
 
 @kernel
-def _follow_state(settings: Any, memory: Any, state: State) -> State:
+def _follow_state(
+    settings: CompensationSettings, memory: CompensationMemory, state: State
+) -> State:
     """
     Store the last command and the measured state, and update the disturbance estimate.
 
@@ -411,7 +449,7 @@ def _follow_state(settings: Any, memory: Any, state: State) -> State:
 
 
 @formula
-def _start(settings: Any, memory: Any, position: Numbers) -> None:
+def _start(settings: CompensationSettings, memory: CompensationMemory, position: Numbers) -> None:
     """Assume that the last command acts on the first state, or if it is zero, a balance."""
     torque = memory.commanded
     if torque == elementwise(zero, torque):
@@ -435,7 +473,9 @@ def _slipped(rate: float, rolling: float, predicted: float) -> float:
 
 
 @formula
-def _predicted_state(settings: Any, memory: Any, state: State) -> State:
+def _predicted_state(
+    settings: CompensationSettings, memory: CompensationMemory, state: State
+) -> State:
     """Return the state in which the next torque starts to act, and the reference of that time."""
     state = _follow_state(settings, memory, state)
     model = mechanism.model_of(settings)
@@ -458,7 +498,12 @@ def _predicted_state(settings: Any, memory: Any, state: State) -> State:
 
 
 @formula
-def _reduced_torque(settings: Any, memory: Any, posture: Any, raw: Numbers) -> Numbers:
+def _reduced_torque(
+    settings: CompensationSettings,
+    memory: CompensationMemory,
+    posture: MechanismPosture,
+    raw: Numbers,
+) -> Numbers:
     """Return the torque of a law minus H d at the time at which it acts."""
     model = mechanism.model_of(settings)
     ahead = total_latency(settings, memory) / settings.period + 1.0
@@ -470,7 +515,11 @@ def _reduced_torque(settings: Any, memory: Any, posture: Any, raw: Numbers) -> N
 
 @formula
 def _measured_error(
-    settings: Any, memory: Any, desired: Numbers, rate: Numbers, error: Numbers
+    settings: CompensationSettings,
+    memory: CompensationMemory,
+    desired: Numbers,
+    rate: Numbers,
+    error: Numbers,
 ) -> Numbers:
     """Return the error of the measured state at the time of its measurement."""
     model, position = mechanism.model_of(settings), memory.measured_position
@@ -484,7 +533,9 @@ def _relative(gradient: float, nominal: float) -> float:
 
 
 @formula
-def _measured_gradient(settings: Any, memory: Any, tick: Tick) -> Numbers:
+def _measured_gradient(
+    settings: CompensationSettings, memory: CompensationMemory, tick: Tick
+) -> Numbers:
     """
     Return Y' c d of the measured state and its estimated acceleration.
 
@@ -539,30 +590,34 @@ _dispatch = interface(by_tag('compensation', COMPENSATIONS.__getitem__))
 
 
 @_dispatch
-def state_of_torque(settings: Any, memory: Any, state: State) -> State:
+def state_of_torque(settings: Settings, memory: Memory, state: State) -> State:
     """Return the state and the reference for a law, of the measured state and its reference."""
 
 
 @_dispatch
-def reduced_torque(settings: Any, memory: Any, posture: Any, raw: Numbers) -> Numbers:
+def reduced_torque(
+    settings: Settings, memory: Memory, posture: MechanismPosture, raw: Numbers
+) -> Numbers:
     """Return the torque of a law minus that of the estimated disturbance."""
 
 
 @_dispatch
-def error(settings: Any, memory: Any, desired: Numbers, rate: Numbers, error: Numbers) -> Numbers:
+def error(
+    settings: Settings, memory: Memory, desired: Numbers, rate: Numbers, error: Numbers
+) -> Numbers:
     """Return the error to publish; that of the law is of a predicted state."""
 
 
 @_dispatch
-def gradient(settings: Any, memory: Any, tick: Tick) -> Numbers:
+def gradient(settings: Settings, memory: Memory, tick: Tick) -> Numbers:
     """Return the gradient of the tracking or estimation error by theta_hat."""
 
 
 @_dispatch
-def horizon(settings: Any) -> float:
+def horizon(settings: Settings) -> float:
     """Return the time in s in which the implicit law reaches the surface."""
 
 
 @_dispatch
-def is_on(settings: Any) -> bool:
+def is_on(settings: Settings) -> bool:
     """Return True if d is estimated, so laws do not estimate the disturbance themselves."""

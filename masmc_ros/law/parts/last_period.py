@@ -9,13 +9,12 @@ Acceleration of the robot in the last period, measured and according to the mode
 
 from __future__ import annotations
 
-from typing import Any
-
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot import mechanism
+from masmc_ros.robot.formula_types import MechanismRegressor
 
 
 @formula
@@ -35,7 +34,7 @@ def last_acceleration(tick: Tick, before: Numbers) -> Numbers:
 
 
 @formula
-def last_regressor(tick: Tick, before: Numbers) -> Any:
+def last_regressor(tick: Tick, before: Numbers) -> MechanismRegressor:
     """Return W = Y(q, v, v, dv/dt) of the last period: the forces in it were W theta."""
     v = elementwise(_middle, tick.velocity, before)
     return mechanism.regressor(tick.model, tick.posture, v, v, last_acceleration(tick, before))
