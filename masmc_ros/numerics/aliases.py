@@ -5,6 +5,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -44,6 +47,9 @@ Flags = NDArray[np.bool_]
 
 AnyArray = NDArray[np.generic]
 """Array whose numbers can have any type."""
+
+Function = Callable[..., Any]
+"""Function or formula with any arguments."""
 
 Record = np.void
 """One record with all of its lanes, an entry of `Records` (`numerics.record`)."""

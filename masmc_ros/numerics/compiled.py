@@ -18,7 +18,7 @@ fused multiply-add, because runs are bitwise identical on every machine.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache, cached_property, update_wrapper
 import gc
@@ -31,6 +31,7 @@ from types import FunctionType
 from typing import Any, cast
 
 from masmc_ros.errors import UserError
+from masmc_ros.numerics.aliases import Function
 from masmc_ros.numerics.code_files import CodeFiles
 from masmc_ros.numerics.compiler_errors import COMPILER_ERRORS, explained
 from masmc_ros.user_folder import runtime_folder
@@ -83,7 +84,7 @@ class Formula:
     Compiling the wrapper takes longer than compiling most formulas, and Python calls only few.
     """
 
-    def __init__(self, function: Callable[..., Any]) -> None:
+    def __init__(self, function: Function) -> None:
         """Initialise the formula of a function in plain Python."""
         update_wrapper(self, function)
         self.py_func = function
@@ -99,16 +100,16 @@ class Formula:
         return self._compiled._numba_type_
 
     @cached_property
-    def _of_python(self) -> Callable[..., Any]:
-        own: Any = self.py_func
+    def _of_python(self) -> Function:
+        own = cast(FunctionType, self.py_func)
         # By another name, because Numba keeps machine code on disk by names.
         twin = FunctionType(
             own.__code__, own.__globals__, own.__name__, own.__defaults__, own.__closure__
         )
         twin.__module__, twin.__qualname__ = own.__module__, f'{own.__qualname__}_of_python'
-        return cast(Callable[..., Any], _compile(twin, forceinline=True))
+        return cast(Function, _compile(twin, forceinline=True))
 
-    def __call__(self, *arguments: Any) -> Any:
+    def __call__(self, *arguments: object) -> Any:
         """Call it from Python."""
         return (self.py_func if _is_interpreting() else self._of_python)(*arguments)
 
@@ -116,12 +117,12 @@ class Formula:
 class Kernel(Formula):
     """Compiled function that Python calls; the attributes are those of Numba's dispatcher."""
 
-    def __init__(self, function: Callable[..., Any], compiled: Any) -> None:
+    def __init__(self, function: Function, compiled: Function) -> None:
         """Initialise the kernel of a function in plain Python."""
         super().__init__(function)
         self.__dict__['_compiled'] = self.__dict__['_of_python'] = compiled
 
-    def __call__(self, *arguments: Any) -> Any:
+    def __call__(self, *arguments: object) -> Any:
         """Call it from Python; raise InputError with one line if it cannot be compiled."""
         try:
             return super().__call__(*arguments)
@@ -151,13 +152,13 @@ def interpreted() -> Iterator[None]:
         _thread.is_interpreting = before
 
 
-def formula(function: Callable[..., Any]) -> Any:
+def formula(function: Function) -> Any:
     """Compile a pure scalar function, inlined where it is called from compiled code."""
     settings: Any = config  # its attributes are made when it is imported
     return function if settings.DISABLE_JIT else Formula(function)
 
 
-def inlined(function: Callable[..., Any]) -> Any:
+def inlined(function: Function) -> Any:
     """
     Let compiled functions have this one's statements in place of calls.
 
@@ -168,14 +169,14 @@ def inlined(function: Callable[..., Any]) -> Any:
     return function if settings.DISABLE_JIT else Kernel(function, njit(inline='always')(function))
 
 
-def kernel(function: Callable[..., Any]) -> Any:
+def kernel(function: Function) -> Any:
     """Compile a function over arrays and keep its machine code on disk."""
     compiled = _compile(function)
     settings: Any = config  # its attributes are made when it is imported
     return compiled if settings.DISABLE_JIT else Kernel(function, compiled)
 
 
-def kernel_of_threads(function: Callable[..., Any]) -> Any:
+def kernel_of_threads(function: Function) -> Any:
     """
     Compile a kernel that runs without Python's lock, so threads compute at the same time.
 
@@ -184,12 +185,12 @@ def kernel_of_threads(function: Callable[..., Any]) -> Any:
     return _compile(function, nogil=True)
 
 
-def is_interpreted(kernel: Any) -> bool:
+def is_interpreted(kernel: Kernel) -> bool:
     """Return True if formulas run as Python, without a compiler."""
     return not hasattr(kernel, 'compile')
 
 
-def bound(kernel: Any, *arguments: Any) -> Callable[..., Any]:
+def bound(kernel: Kernel, *arguments: object) -> Function:
     """
     Return a kernel as it is for the types of these arguments, compiled if need be.
 
@@ -199,7 +200,7 @@ def bound(kernel: Any, *arguments: Any) -> Callable[..., Any]:
     takes longer than a control tick.
     """
     if is_interpreted(kernel):
-        return cast(Callable[..., Any], kernel)
+        return cast(Function, kernel)
     types = tuple(map(typeof, arguments))
     # Loaded code is used without Numba's lock, which another thread may hold for a long time.
     loaded = kernel.overloads.get(types)
@@ -207,35 +208,35 @@ def bound(kernel: Any, *arguments: Any) -> Callable[..., Any]:
         code = kernel.compile(types) if loaded is None else loaded.entry_point
     except COMPILER_ERRORS as error:
         raise explained(error) from error
-    return cast(Callable[..., Any], code)
+    return cast(Function, code)
 
 
-def is_loaded(kernel: Any, *arguments: Any) -> bool:
+def is_loaded(kernel: Kernel, *arguments: object) -> bool:
     """Return True if this process has the compiled code for the types of these arguments."""
     return is_interpreted(kernel) or tuple(map(typeof, arguments)) in kernel.overloads
 
 
-def is_on_disk(kernel: Any, *arguments: Any) -> bool:
+def is_on_disk(kernel: Kernel, *arguments: object) -> bool:
     """Return True if the disk has a file of the compiled code; it may be damaged."""
     return _code_files(kernel).has(_code_key(kernel, arguments))
 
 
-def is_whole_on_disk(kernel: Any, *arguments: Any) -> bool:
+def is_whole_on_disk(kernel: Kernel, *arguments: object) -> bool:
     """Return True if the disk has the compiled code; reads the file to check it."""
     return _code_files(kernel).load(_code_key(kernel, arguments)) is not None
 
 
-def _code_files(kernel: Any) -> CodeFiles:
+def _code_files(kernel: Kernel) -> CodeFiles:
     files: CodeFiles = kernel._cache._cache_file
     return files
 
 
-def _code_key(kernel: Any, arguments: tuple[Any, ...]) -> Any:
+def _code_key(kernel: Kernel, arguments: tuple[object, ...]) -> tuple[object, ...]:
     """Return the key under which Numba keeps the code for the types of arguments."""
     return kernel._cache._index_key(tuple(map(typeof, arguments)), kernel.targetctx.codegen())
 
 
-def _compile(function: Callable[..., Any], **options: Any) -> Any:
+def _compile(function: Function, **options: Any) -> Any:
     # IEEE division (error_model) instead of a branch that raises ZeroDivisionError.
     settings: Any = config  # its attributes are made when it is imported
     previous, settings.CACHE_DIR = settings.CACHE_DIR, str(_cache_directory())
