@@ -263,7 +263,13 @@ def plant_start(
     """
     write_velocity(plant_settings[0], plant_memory[0])
     # A literal 0 would make Numba compile a second specialisation of `observe`.
-    observe(plant_settings[0], plant_memory[0], delay_line, np.int64(0), signals[0])
+    observe(
+        plant_settings[0],
+        plant_memory[0],
+        delay_line,
+        np.int64(0),  # type: ignore[arg-type]  # compiled code has no other whole numbers
+        signals[0],
+    )
     return is_finite(signals[0])
 
 

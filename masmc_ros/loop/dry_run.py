@@ -31,7 +31,7 @@ from masmc_ros.loop.closed_loop import control_tick
 from masmc_ros.numerics.aliases import AnyArray, Record
 from masmc_ros.numerics.compiled import Formula, interpreted, is_interpreted, machine_code
 from masmc_ros.numerics.generated import is_generated
-from masmc_ros.numerics.lanes import Lane
+from masmc_ros.numerics.lanes import Lane, lane_of
 from masmc_ros.robot import mechanism as formulas
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.robot import Robot
@@ -167,7 +167,7 @@ def _run(law: Law, mechanism: Mechanism, switching: str) -> None:
     records.write_parameters(settings, records.read_by(settings, mechanism, declared), values)
     memory['estimate'][0, :, 0] = robot.theta
     signals['position'][0, :, 0] = np.linspace(0.1, 0.9, signals['position'].shape[1])
-    row, plain = Lane(signals[0], 0), Lane(settings[0], 0)
+    row, plain = lane_of(signals[0], 0), lane_of(settings[0], 0)
     gains = _Checked(settings[0], 'settings', is_writable=False)
     state = _Checked(memory[0], 'memory', is_writable=True)
     joints, axes = mechanism.sizes['joints'], mechanism.sizes['axes']

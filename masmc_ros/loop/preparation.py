@@ -45,14 +45,13 @@ from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.dense import dense
 from masmc_ros.loop.dry_run import check
 from masmc_ros.loop.signals import inputs
-from masmc_ros.numerics.aliases import AnyArray
+from masmc_ros.numerics.aliases import AnyArray, Function
 from masmc_ros.numerics.compiled import (
     bound,
     is_interpreted,
     is_loaded,
     is_on_disk,
     is_whole_on_disk,
-    Kernel,
     machine_code,
 )
 from masmc_ros.params.declaration import MutableValues, Values
@@ -72,7 +71,7 @@ _LONGEST_REASON = 200
 """Largest number of logged characters of the cause of an error."""
 
 
-_Call = tuple[Kernel, tuple[AnyArray, ...]]
+_Call = tuple[Function, tuple[AnyArray, ...]]
 """Kernel with its arguments."""
 
 

@@ -82,7 +82,7 @@ def load(raw: Bytes, forms: Bytes, message: Bytes) -> bool:
 
 
 @kernel
-def read_state(raw: Bytes, forms: Bytes, starts: Integers, message: Bytes) -> int:
+def read_state(raw: Bytes, forms: Bytes, starts: Integers, message: Bytes) -> int | np.int64:
     """Read a joint state whose fields start at bytes `starts`; return its stamp or UNREAD."""
     joints = (len(message) - starts[2]) // 8
     if not (

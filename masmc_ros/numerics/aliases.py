@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,6 +50,9 @@ AnyArray = NDArray[np.generic]
 
 Function = Callable[..., Any]
 """Function or formula with any arguments."""
+
+AnyFunction = TypeVar('AnyFunction', bound=Function)
+"""Function whose decorator keeps its type."""
 
 Record = np.void
 """One record with all of its lanes, an entry of `Records` (`numerics.record`)."""

@@ -31,7 +31,7 @@ from types import FunctionType
 from typing import Any, cast
 
 from masmc_ros.errors import UserError
-from masmc_ros.numerics.aliases import Function
+from masmc_ros.numerics.aliases import AnyFunction, Function
 from masmc_ros.numerics.code_files import CodeFiles
 from masmc_ros.numerics.compiler_errors import COMPILER_ERRORS, explained
 from masmc_ros.user_folder import runtime_folder
@@ -152,13 +152,13 @@ def interpreted() -> Iterator[None]:
         _thread.is_interpreting = before
 
 
-def formula(function: Function) -> Any:
+def formula(function: AnyFunction) -> AnyFunction:
     """Compile a pure scalar function, inlined where it is called from compiled code."""
     settings: Any = config  # its attributes are made when it is imported
-    return function if settings.DISABLE_JIT else Formula(function)
+    return function if settings.DISABLE_JIT else cast(AnyFunction, Formula(function))
 
 
-def inlined(function: Function) -> Any:
+def inlined(function: AnyFunction) -> AnyFunction:
     """
     Let compiled functions have this one's statements in place of calls.
 
@@ -166,17 +166,19 @@ def inlined(function: Function) -> Any:
     and what itself calls nearly everything is most of the compiler's time.
     """
     settings: Any = config  # its attributes are made when it is imported
-    return function if settings.DISABLE_JIT else Kernel(function, njit(inline='always')(function))
+    if settings.DISABLE_JIT:
+        return function
+    return cast(AnyFunction, Kernel(function, njit(inline='always')(function)))
 
 
-def kernel(function: Function) -> Any:
+def kernel(function: AnyFunction) -> AnyFunction:
     """Compile a function over arrays and keep its machine code on disk."""
     compiled = _compile(function)
     settings: Any = config  # its attributes are made when it is imported
-    return compiled if settings.DISABLE_JIT else Kernel(function, compiled)
+    return cast(AnyFunction, compiled if settings.DISABLE_JIT else Kernel(function, compiled))
 
 
-def kernel_of_threads(function: Function) -> Any:
+def kernel_of_threads(function: AnyFunction) -> AnyFunction:
     """
     Compile a kernel that runs without Python's lock, so threads compute at the same time.
 
@@ -185,12 +187,12 @@ def kernel_of_threads(function: Function) -> Any:
     return _compile(function, nogil=True)
 
 
-def is_interpreted(kernel: Kernel) -> bool:
+def is_interpreted(kernel: Any) -> bool:
     """Return True if formulas run as Python, without a compiler."""
     return not hasattr(kernel, 'compile')
 
 
-def bound(kernel: Kernel, *arguments: object) -> Function:
+def bound(kernel: Any, *arguments: object) -> Function:
     """
     Return a kernel as it is for the types of these arguments, compiled if need be.
 
@@ -211,27 +213,27 @@ def bound(kernel: Kernel, *arguments: object) -> Function:
     return cast(Function, code)
 
 
-def is_loaded(kernel: Kernel, *arguments: object) -> bool:
+def is_loaded(kernel: Any, *arguments: object) -> bool:
     """Return True if this process has the compiled code for the types of these arguments."""
     return is_interpreted(kernel) or tuple(map(typeof, arguments)) in kernel.overloads
 
 
-def is_on_disk(kernel: Kernel, *arguments: object) -> bool:
+def is_on_disk(kernel: Any, *arguments: object) -> bool:
     """Return True if the disk has a file of the compiled code; it may be damaged."""
     return _code_files(kernel).has(_code_key(kernel, arguments))
 
 
-def is_whole_on_disk(kernel: Kernel, *arguments: object) -> bool:
+def is_whole_on_disk(kernel: Any, *arguments: object) -> bool:
     """Return True if the disk has the compiled code; reads the file to check it."""
     return _code_files(kernel).load(_code_key(kernel, arguments)) is not None
 
 
-def _code_files(kernel: Kernel) -> CodeFiles:
+def _code_files(kernel: Any) -> CodeFiles:
     files: CodeFiles = kernel._cache._cache_file
     return files
 
 
-def _code_key(kernel: Kernel, arguments: tuple[object, ...]) -> tuple[object, ...]:
+def _code_key(kernel: Any, arguments: tuple[object, ...]) -> tuple[object, ...]:
     """Return the key under which Numba keeps the code for the types of arguments."""
     return kernel._cache._index_key(tuple(map(typeof, arguments)), kernel.targetctx.codegen())
 

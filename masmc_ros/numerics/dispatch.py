@@ -14,9 +14,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import wraps
-from typing import Any
+from typing import Any, cast
 
-from masmc_ros.numerics.aliases import Function
+from masmc_ros.numerics.aliases import AnyFunction, Function
 from masmc_ros.numerics.generated import (
     called,
     Compiler,
@@ -55,14 +55,14 @@ def by_tag(name: str, find: Callable[[str], object]) -> Finder:
 
 def interface(
     choose: Finder, otherwise: Function | None = None
-) -> Callable[[Function], Function]:
+) -> Callable[[AnyFunction], AnyFunction]:
     """
     Decorate a function without a body, which calls the formula of its name.
 
     `otherwise` is the formula for implementations without this name.
     """
 
-    def decorate(stub: Function) -> Function:
+    def decorate(stub: AnyFunction) -> AnyFunction:
         name = stub.__name__
 
         def formula_of(first: object) -> Function:
@@ -85,6 +85,6 @@ def interface(
             of_call = target(compiler.context.typing_context, kinds)
             return compiler.call(of_call, compiler.result, kinds, values)
 
-        return plain
+        return cast(AnyFunction, plain)
 
     return decorate

@@ -54,8 +54,6 @@ class LawSettings:
     gamma: Parameters
     projection_lower: float
     projection_upper: float
-    adaptation: int
-    """Choice of a tree's adaptation; other mechanisms have no such parameter."""
 
 
 class LawMemory:

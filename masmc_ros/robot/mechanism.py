@@ -48,7 +48,7 @@ If a straight line to the reference could leave the robot's reach, it may have:
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from masmc_ros.numerics.aliases import Columns, Numbers
 from masmc_ros.numerics.dispatch import by_class, by_tag, interface
@@ -69,8 +69,8 @@ of_model = interface(by_class(formulas_of_model))
 
 
 @_of_record
-def model_of(record: HasGeometry) -> Lengths:
-    """Return the lengths in a record of this mechanism."""
+def model_of(record: HasGeometry) -> Any:
+    """Return the lengths in a record of this mechanism, in its own named tuple."""
 
 
 @of_model

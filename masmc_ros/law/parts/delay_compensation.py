@@ -25,7 +25,7 @@ from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.parts.slip import backed_off
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Joints, Numbers
+from masmc_ros.numerics.aliases import Joints, Numbers, Record
 from masmc_ros.numerics.arrays import read_along, write_along
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.dispatch import by_tag, interface
@@ -619,5 +619,5 @@ def horizon(settings: Settings) -> float:
 
 
 @_dispatch
-def is_on(settings: Settings) -> bool:
+def is_on(settings: Settings | Record) -> bool:
     """Return True if d is estimated, so laws do not estimate the disturbance themselves."""

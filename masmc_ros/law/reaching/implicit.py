@@ -199,7 +199,7 @@ def implicit_reaching(
     period: float,
     k_s1: Numbers,
     k_s2: Numbers,
-    s: Array,
+    s: Numbers,
     following: Array,
     zeta: Array,
     work: Array,
@@ -240,7 +240,7 @@ def _minimise_on_sides(
     period: float,
     k_s1: Numbers,
     k_s2: Numbers,
-    s: Array,
+    s: Numbers,
     side: Array,
     work: Array,
 ) -> None:
@@ -281,7 +281,7 @@ def _move_on_sides(n: int, following: Array, side: Array, work: Array) -> bool:
 
 @formula
 def _exceeded_most(
-    n: int, inertia: Array, period: float, k_s2: Numbers, s: Array, following: Array, side: Array
+    n: int, inertia: Array, period: float, k_s2: Numbers, s: Numbers, following: Array, side: Array
 ) -> int:
     """Return the axis on the surface that exceeds its box most; -1 if none does."""
     worst = 1.0 + _TOLERANCE
@@ -296,7 +296,7 @@ def _exceeded_most(
 
 
 @formula
-def _force(n: int, inertia: Array, s: Array, following: Array, i: int) -> float:
+def _force(n: int, inertia: Array, s: Numbers, following: Array, i: int) -> float:
     """Return the force that keeps axis i on the surface: entry i of H_x (s - s+)."""
     force = 0.0
     for j in range(n):

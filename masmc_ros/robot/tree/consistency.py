@@ -9,7 +9,7 @@ It is for adaptation with independent parameters; `natural_adaptation` preserves
 
 from __future__ import annotations
 
-from masmc_ros.numerics.aliases import Array, Numbers
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.tuples import from_index
 from masmc_ros.robot.tree.model import bodies_of, TreeModel
@@ -18,7 +18,7 @@ import numpy as np
 
 
 @formula
-def _pseudo(theta: Array, at: int, i: int, j: int) -> float:
+def _pseudo(theta: Numbers, at: int, i: int, j: int) -> float:
     """Return an entry of a body's pseudo-inertia, whose parameters start at `at`."""
     if i == 3 and j == 3:
         return theta[at]

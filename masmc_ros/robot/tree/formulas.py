@@ -76,6 +76,12 @@ NATURAL = 0
 """Indices of the choices of `adaptation`."""
 
 
+class _Settings(LawSettings):
+    """Settings with the parameter of trees."""
+
+    adaptation: int
+
+
 class Regressor(NamedTuple):
     """Y(q, v, v_r, a_r), which is never formed."""
 
@@ -224,7 +230,7 @@ def regressor_transpose_times(
 
 @formula
 def theta_step(
-    model: TreeModel, settings: LawSettings, theta: Numbers, gradient: Numbers, period: float
+    model: TreeModel, settings: _Settings, theta: Numbers, gradient: Numbers, period: float
 ) -> Numbers:
     """
     Return the parameters after a step of natural adaptation, or of independent adaptation.
@@ -242,7 +248,7 @@ def theta_step(
 
 
 @formula
-def preserves_consistency(model: TreeModel, settings: LawSettings) -> bool:
+def preserves_consistency(model: TreeModel, settings: _Settings) -> bool:
     """Return True if the adaptation is natural."""
     return settings.adaptation == NATURAL
 
