@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 from masmc_ros.api.settings import settings_of
 from masmc_ros.campaign.axes import axis
@@ -24,7 +23,7 @@ from tqdm import tqdm
 
 def sweep(
     scenario: str,
-    vary: Mapping[str, str | Sequence[Any]],
+    vary: Mapping[str, str | Sequence[object]],
     *,
     draw: Mapping[str, str] | None = None,
     runs: int = 1,
@@ -34,7 +33,7 @@ def sweep(
     output: str | Path | None = None,
     threads: int = 0,
     scheduler: str = '',
-    **values: Any,
+    **values: object,
 ) -> pa.Table:
     """
     Run a scenario at all points of a grid, as `masmc sweep` does.
@@ -96,7 +95,7 @@ def monte_carlo(
     output: str | Path | None = None,
     threads: int = 0,
     scheduler: str = '',
-    **values: Any,
+    **values: object,
 ) -> pa.Table:
     """Run a scenario with random parameters, as `masmc monte-carlo` does; see `sweep`."""
     return sweep(
@@ -105,7 +104,7 @@ def monte_carlo(
     )  # fmt: skip
 
 
-def _text(entries: str | Sequence[Any]) -> str:
+def _text(entries: str | Sequence[object]) -> str:
     return entries if isinstance(entries, str) else ','.join(map(yaml_text, entries))
 
 

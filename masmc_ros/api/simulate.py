@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 from masmc_ros.api.settings import settings_of
 from masmc_ros.loop.signals import Signal, SIGNALS
@@ -18,10 +18,14 @@ from masmc_ros.params.scenario import activation, load_scenario
 from masmc_ros.report.measure.labels import law_label
 from masmc_ros.report.measure.metrics import Metrics, Samples
 from masmc_ros.report.measure.table import text_table
-from masmc_ros.robot.declaration import Mechanism
+from masmc_ros.robot.declaration import Coordinate, Mechanism, Quantity
 from masmc_ros.share import scenario_file
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
 
 _SIGNALS = {signal.name: signal for signal in SIGNALS}
 
@@ -69,7 +73,7 @@ class SimulatedRun:
     def components(self, signal: str) -> tuple[str, ...]:
         """Return the names of the components of a signal, such as joints or task axes."""
         size = _SIGNALS[signal].size
-        named: dict[str, Sequence[Any]] = {
+        named: dict[str, Sequence[Coordinate | Quantity]] = {
             'positions': self.mechanism.positions,
             'joints': self.mechanism.joints,
             'axes': self.mechanism.axes,
@@ -81,7 +85,7 @@ class SimulatedRun:
                          for name in names)  # fmt: skip
         return tuple(entry.name for entry in named[str(size)]) if size else ('',)
 
-    def to_arrow(self) -> Any:
+    def to_arrow(self) -> pa.Table:
         """Return all signals as an Arrow table, a column for each component."""
         import pyarrow as pa
 
@@ -93,7 +97,7 @@ class SimulatedRun:
 
 
 def simulate(
-    scenario: str = 'paper', settings: Values | None = None, **values: Any
+    scenario: str = 'paper', settings: Values | None = None, **values: object
 ) -> SimulatedRun:
     """
     Compute a run, as `masmc simulate` does.

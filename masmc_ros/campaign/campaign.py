@@ -160,7 +160,7 @@ class Campaign:
             values = [*varied, *(float(column[repeat - start]) for column in known)]
             yield self._run(number, repeat, values)
 
-    def _run(self, number: int, repeat: int, values: Sequence[Any]) -> Run:
+    def _run(self, number: int, repeat: int, values: Sequence[object]) -> Run:
         scenario = {node: dict(self.scenario[node]) for node in NODES}
         plant = scenario['plant']
         plant['seed'] = (plant['seed'] + repeat) % _SEEDS
@@ -235,7 +235,7 @@ def campaign_of(
     return campaign
 
 
-def _check(variable: Variable, scenario: Scenario, value: Any, place: str) -> None:
+def _check(variable: Variable, scenario: Scenario, value: object, place: str) -> None:
     try:
         variable.write({node: dict(values) for node, values in scenario.items()}, value)
     except InputError as error:

@@ -83,7 +83,7 @@ def evaluated(
     runs: Sequence[Run], lanes: int, is_stopped: Callable[[], bool] = lambda: False
 ) -> list[Metrics | float]:
     """Return the metrics of runs, of lost ones the time in s; see `rows` and `reduced_metrics`."""
-    groups: dict[tuple[Any, ...], list[int]] = {}
+    groups: dict[tuple[object, ...], list[int]] = {}
     for place, run in enumerate(runs):
         groups.setdefault(tuple(of_all_lanes(run.scenario).values()), []).append(place)
     results: list[Metrics | float] = [np.nan] * len(runs)

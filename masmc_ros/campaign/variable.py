@@ -73,13 +73,13 @@ class Variable:
         """Return the declaration, which is the same for all nodes."""
         return next(iter(self.readers.values()))
 
-    def write(self, scenario: Scenario, value: Any) -> None:
+    def write(self, scenario: Scenario, value: object) -> None:
         """Write a value into a scenario; InputError if a node would reject it."""
         for node, parameter in self.readers.items():
             if node in scenario:
                 scenario[node][parameter.name] = self.checked(scenario[node], parameter, value)
 
-    def checked(self, values: Values, parameter: Parameter, value: Any) -> Value:
+    def checked(self, values: Values, parameter: Parameter, value: object) -> Value:
         """Return the checked value of the parameter; `values` has the other entries."""
         if parameter.kind == 'integer' and isinstance(value, float) and value.is_integer():
             value = int(value)
@@ -89,7 +89,7 @@ class Variable:
             value = entries
         return parameter.check(value, integers_for_doubles=True)
 
-    def column(self, values: Sequence[Any]) -> NDArray[Any]:
+    def column(self, values: Sequence[object]) -> NDArray[Any]:
         """Return values of several runs as an array of the type of the parameter."""
         return np.array(values, _TYPES.get(self.parameter.kind, np.float64))
 

@@ -5,9 +5,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from masmc_ros.errors import InputError
 from masmc_ros.identification.excitation import (
@@ -21,6 +21,7 @@ from masmc_ros.identification.parameter_file import EVERY, write_parameters
 from masmc_ros.numerics.aliases import Array
 from masmc_ros.params.declaration import MutableValues, Values
 from masmc_ros.params.node_parameters import declared, NODES, shared
+from masmc_ros.robot.declaration import Quantity
 from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.robot.robot import robot_of
 import numpy as np
@@ -136,7 +137,7 @@ def _kept(node: str, values: Values, task: Values) -> MutableValues:
     return kept
 
 
-def _unwound(points: Array, axes: Any) -> Array:
+def _unwound(points: Array, axes: Sequence[Quantity]) -> Array:
     """Return points (N, axes) whose angles do not jump by turns."""
     is_angle = [axis.unit == 'rad' for axis in axes]
     return np.where(is_angle, np.unwrap(points, axis=0), points)

@@ -6,12 +6,11 @@
 from __future__ import annotations
 
 from importlib import import_module
-from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.identification.identify import Nominal
 from masmc_ros.log.read.reader import Run
-from masmc_ros.numerics.aliases import Array
+from masmc_ros.numerics.aliases import Array, Function
 from masmc_ros.params.declaration import check_all, MutableValues, Values
 from masmc_ros.robot.mechanisms import mechanism_from, NAME
 from masmc_ros.robot.mechanisms import parameters as kinds
@@ -57,7 +56,7 @@ def _robot(values: Values) -> Robot:
     return robot_of(check_all(declared, own, integers_for_doubles=True))
 
 
-def of_its_kind(robot: Robot, function: str) -> Any:
+def of_its_kind(robot: Robot, function: str) -> Function:
     """
     Return a function of the module `identified` in the package of a mechanism.
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 import math
-from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.loop.closed_loop import plant_drive, plant_observe
@@ -137,7 +136,7 @@ class ContactRobot(SimulatedRobot):
         self._data.qfrc_applied[5] = turn
 
     @property
-    def _model(self) -> Any:
+    def _model(self) -> mujoco.MjModel:
         """Return the model at this tick, with or without the payload."""
         return (self._parts if self.tick < self._pick_up else self._loaded).model
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from masmc_ros.errors import InputError
 from masmc_ros.numerics.aliases import Array
@@ -68,8 +68,7 @@ _FLAT = 1.0e-9
 class ContactModel(NamedTuple):
     """MuJoCo model of a robot, and the indices of the robot in its state and contacts."""
 
-    model: Any
-    """The `mujoco.MjModel`."""
+    model: mujoco.MjModel
     positions: Array
     """Indices (joints - forces) of the joints in qpos, in the order of the mechanism."""
     rates: Array
@@ -248,9 +247,9 @@ def _number(tree: TreeRobot, joint: str) -> int:
     return 1 + [candidate.name for candidate in tree.joints].index(joint)
 
 
-def _bodies(spec: Any, tree: TreeRobot, armature: float) -> list[Any]:
+def _bodies(spec: mujoco.MjSpec, tree: TreeRobot, armature: float) -> list[mujoco.MjsBody]:
     """Add the bodies, the base first, and return them."""
-    bodies: list[Any] = []
+    bodies: list[mujoco.MjsBody] = []
     for number, inertial_parameters in enumerate(tree.inertial_parameters):
         if number == 0:
             body = spec.worldbody.add_body(name='base')
@@ -275,7 +274,7 @@ def _bodies(spec: Any, tree: TreeRobot, armature: float) -> list[Any]:
     return bodies
 
 
-def _set_inertia(body: Any, inertial_parameters: Array) -> None:
+def _set_inertia(body: mujoco.MjsBody, inertial_parameters: Array) -> None:
     """Set mass, centre of mass and inertia of a body from its inertial parameters (10)."""
     mass, first = inertial_parameters[0], inertial_parameters[1:4]
     body.explicitinertial = True
@@ -290,7 +289,7 @@ def _set_inertia(body: Any, inertial_parameters: Array) -> None:
     body.fullinertia = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
 
 
-def _add_wheel(body: Any, wheel: _Wheel, friction: float) -> None:
+def _add_wheel(body: mujoco.MjsBody, wheel: _Wheel, friction: float) -> None:
     """Add the contact geometry of a wheel: one point below its centre, like a thin disc."""
     body.add_geom(
         name=wheel.name, type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[wheel.radius, 0.0, 0.0],
@@ -298,7 +297,9 @@ def _add_wheel(body: Any, wheel: _Wheel, friction: float) -> None:
     )
 
 
-def _add_omni_wheel(spec: Any, base: Any, wheel: _Wheel, friction: float) -> None:
+def _add_omni_wheel(
+    spec: mujoco.MjSpec, base: mujoco.MjsBody, wheel: _Wheel, friction: float
+) -> None:
     """
     Add a wheel with rollers across its rim, which has no friction along its axle.
 
@@ -319,7 +320,7 @@ def _add_omni_wheel(spec: Any, base: Any, wheel: _Wheel, friction: float) -> Non
     )
 
 
-def _add_castors(base: Any, distance: float, size: float, ground: float) -> None:
+def _add_castors(base: mujoco.MjsBody, distance: float, size: float, ground: float) -> None:
     """Add castors at the front and back, which keep a base on two wheels upright."""
     for side in (-distance, distance):
         base.add_geom(

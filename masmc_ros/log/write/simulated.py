@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from itertools import chain
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from masmc_ros.log.mcap.chunks import ChannelRows
 from masmc_ros.log.offered_qos import Qos
@@ -127,7 +127,7 @@ class SimulationLog:
             self._writer.write(channel, 0, self._desired)
         return self
 
-    def __exit__(self, *exception: Any) -> None:
+    def __exit__(self, *exception: object) -> None:
         """Complete the file, or remove it after an exception."""
         if exception[0] is None:
             parameters = {node: self._values[node] for node in topics.PARAMETER_NODES}
