@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol
+from typing import Protocol
 
 from geometry_msgs.msg import Twist, TwistStamped
 from masmc_ros.loop.controller import Controller
@@ -20,7 +20,7 @@ import numpy as np
 from rclpy.publisher import Publisher
 from std_msgs.msg import Float64MultiArray
 
-Advertise = Callable[[Any, str], Publisher]
+Advertise = Callable[[type, str], Publisher]
 """Function that creates a publisher for a message type and a topic."""
 
 
@@ -110,7 +110,7 @@ class BaseOutput:
         prefix = check_frame_prefix(values['frame_prefix'])
         base = controller.mechanism.frames[0][1]
         self._twist: TwistCdr | TwistStampedCdr = TwistCdr()
-        self._type: Any = Twist
+        self._type: type = Twist
         if values['enable_stamped_cmd_vel']:
             self._twist, self._type = TwistStampedCdr(prefix, base), TwistStamped
         self._mechanism = controller.mechanism
@@ -158,7 +158,7 @@ class BaseOutput:
         rates = ', '.join(f'{rate:.6g}' for rate in self._joint_command.tolist())
         return {**figures, f"{self._mechanism.groups[-1].name}'s rates (rad/s)": rates}
 
-    def _send(self, velocities: Any, writer: CommandWriter, stamp: int) -> None:
+    def _send(self, velocities: Array, writer: CommandWriter, stamp: int) -> None:
         twist = self._twist
         if isinstance(twist, TwistStampedCdr):
             twist.set_stamp(stamp)

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import math
 import sys
 import time
-from typing import Any
+from typing import Any, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray
 from masmc_ros.control.actions import (
@@ -64,11 +64,14 @@ from masmc_ros.robot.robot import robot_of
 import numpy as np
 from numpy.typing import NDArray
 from rclpy.context import Context
+from rclpy.impl.rcutils_logger import RcutilsLogger
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
 _WATCH_PERIOD = 0.02
 """Time in s between two checks for missing states and for compiled laws."""
+
+_Response = TypeVar('_Response', SetBool.Response, Trigger.Response)
 
 
 class ControllerNode(SuiteNode):
@@ -234,11 +237,15 @@ class ControllerNode(SuiteNode):
                 self.parameters.withdraw(effect.withdrawn)
             self._apply(effect)
 
-    def _on_enable(self, request: Any, response: Any) -> Any:
+    def _on_enable(
+        self, request: SetBool.Request, response: SetBool.Response
+    ) -> SetBool.Response:
         actions = self._core.on_enable(time.monotonic(), enabled=request.data)
         return self._respond(response, actions)
 
-    def _on_guide(self, request: Any, response: Any) -> Any:
+    def _on_guide(
+        self, request: SetBool.Request, response: SetBool.Response
+    ) -> SetBool.Response:
         obstacle = self._core.guide_refusal(enabled=request.data)
         if obstacle:
             response.success, response.message = False, obstacle
@@ -246,10 +253,10 @@ class ControllerNode(SuiteNode):
         actions = self._core.on_guide(time.monotonic(), enabled=request.data)
         return self._respond(response, actions)
 
-    def _on_stop(self, _: Any, response: Any) -> Any:
+    def _on_stop(self, _: object, response: Trigger.Response) -> Trigger.Response:
         return self._respond(response, self._core.on_stop(time.monotonic()))
 
-    def _on_clear(self, _: Any, response: Any) -> Any:
+    def _on_clear(self, _: object, response: Trigger.Response) -> Trigger.Response:
         supervisor = self._core.supervisor
         if supervisor.state != FAULT:
             response.success = False
@@ -257,11 +264,11 @@ class ControllerNode(SuiteNode):
             return response
         return self._respond(response, self._core.on_clear(time.monotonic()))
 
-    def _on_reset(self, _: Any, response: Any) -> Any:
+    def _on_reset(self, _: object, response: Trigger.Response) -> Trigger.Response:
         actions = self._core.on_reset_adaptation()
         return self._respond(response, actions, 'theta_hat is that of the nominal model')
 
-    def _respond(self, response: Any, actions: Actions, message: str = '') -> Any:
+    def _respond(self, response: _Response, actions: Actions, message: str = '') -> _Response:
         self._perform(actions)
         response.success, response.message = True, message or self._core.supervisor.text
         return response
@@ -325,7 +332,7 @@ class ControllerNode(SuiteNode):
         self.finished = True
 
 
-def _log(log: Any, level: str, text: str) -> None:
+def _log(log: RcutilsLogger, level: str, text: str) -> None:
     # rclpy identifies a log line by its position, which must have one level.
     if level == 'error':
         log.error(text)

@@ -270,7 +270,7 @@ class RosParameters:
             ]
         )
 
-    def _coerce(self, changes: list[Any]) -> list[Any]:
+    def _coerce(self, changes: list[rclpy.parameter.Parameter]) -> list[rclpy.parameter.Parameter]:
         """Convert integers to doubles for parameters that are declared as doubles."""
         for change in changes:
             if not self._node.has_parameter(change.name):
@@ -282,7 +282,7 @@ class RosParameters:
             for c in changes
         ]
 
-    def _validate(self, changes: list[Any]) -> SetParametersResult:
+    def _validate(self, changes: list[rclpy.parameter.Parameter]) -> SetParametersResult:
         try:
             self._check({**self.values, **self._requested, **self._checked(changes)})
         except InputError as error:
@@ -290,14 +290,14 @@ class RosParameters:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
-    def _restore_types(self, changes: list[Any]) -> None:
+    def _restore_types(self, changes: list[rclpy.parameter.Parameter]) -> None:
         """Restore the types in the descriptors, which rclpy takes from rejected requests too."""
         for change in changes:
             if self._node.has_parameter(change.name):
                 current = self._node.get_parameter(change.name)
                 self._node.describe_parameter(change.name).type = current.type_.value
 
-    def _commit(self, changes: list[Any]) -> None:
+    def _commit(self, changes: list[rclpy.parameter.Parameter]) -> None:
         values = self._checked(changes)
         if self._decide is None:
             self.take_effect(values)
@@ -328,7 +328,7 @@ class RosParameters:
             self._requested.pop(name, None)
             self._pending.pop(name, None)
 
-    def _checked(self, changes: list[Any]) -> MutableValues:
+    def _checked(self, changes: list[rclpy.parameter.Parameter]) -> MutableValues:
         return {
             c.name: self._declarations[c.name].check(_plain(c.value))
             for c in changes
@@ -362,7 +362,7 @@ def _as_ros(parameter: Parameter, value: Any) -> Any:
     return [''] if value in (None, (), []) else value
 
 
-def _doubles(parameter: Parameter | None, change: Any) -> Any:
+def _doubles(parameter: Parameter | None, change: rclpy.parameter.Parameter) -> Any:
     value = _plain(change.value)
     if parameter is None or parameter.kind not in ('double', 'doubles'):
         return value

@@ -9,7 +9,6 @@ from collections.abc import Callable
 from functools import partial
 import signal
 import time
-from typing import Any
 
 from masmc_ros.control.actions import Record
 from masmc_ros.errors import InputError, UserError
@@ -121,7 +120,7 @@ class SuiteNode:
         self.failure: UserError | None = None
 
     def publisher(
-        self, message_type: Any, topic: str, depth: int = DEEP, *, past: bool = True
+        self, message_type: type, topic: str, depth: int = DEEP, *, past: bool = True
     ) -> Publisher:
         """
         Create a publisher whose messages are delivered before the node ends.
@@ -133,11 +132,11 @@ class SuiteNode:
         self._publishers.append(publisher)
         return publisher
 
-    def stream(self, message_type: Any, topic: str) -> Publisher:
+    def stream(self, message_type: type, topic: str) -> Publisher:
         """Create a publisher of messages at every tick, without past messages."""
         return self.publisher(message_type, topic, past=False)
 
-    def latched(self, message_type: Any, topic: str) -> Latched:
+    def latched(self, message_type: type, topic: str) -> Latched:
         """Create a publisher of messages that are valid until the next one."""
         latched = Latched(self.publisher(message_type, topic, 1))
         self._latched.append(latched)
