@@ -8,15 +8,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 import re
-from typing import Any
 
 from masmc_ros.errors import InputError
+from masmc_ros.numerics.aliases import AnyArray
 from masmc_ros.params.declaration import MutableValues, Parameter, Value, Values
 from masmc_ros.params.scenario import readers
 from masmc_ros.params.text import yaml_text
 from masmc_ros.robot.declaration import Mechanism
 import numpy as np
-from numpy.typing import NDArray
 
 _ENTRY = re.compile(r'(.+)\[([0-9]+)\]')
 
@@ -89,7 +88,7 @@ class Variable:
             value = entries
         return parameter.check(value, integers_for_doubles=True)
 
-    def column(self, values: Sequence[object]) -> NDArray[Any]:
+    def column(self, values: Sequence[object]) -> AnyArray:
         """Return values of several runs as an array of the type of the parameter."""
         return np.array(values, _TYPES.get(self.parameter.kind, np.float64))
 

@@ -4,7 +4,7 @@
 """
 Types of deserialised messages, as far as this package reads them.
 
-Any deserialiser creates such objects, that of ROS 2 or of an MCAP reader.
+All deserialisers create such objects, that of ROS 2 or of an MCAP reader.
 """
 
 from __future__ import annotations

@@ -40,6 +40,8 @@ from numba import config, njit, typeof
 from numba.core import event
 from numba.core.codegen import ll
 
+_settings: Any = config  # its attributes are made when it is imported
+
 OLDEST_NUMBA = (0, 58)
 """Version of Numba in Ubuntu 24.04; setup.py requires the same."""
 
@@ -154,8 +156,7 @@ def interpreted() -> Iterator[None]:
 
 def formula(function: AnyFunction) -> AnyFunction:
     """Compile a pure scalar function, inlined where it is called from compiled code."""
-    settings: Any = config  # its attributes are made when it is imported
-    return function if settings.DISABLE_JIT else cast(AnyFunction, Formula(function))
+    return function if _settings.DISABLE_JIT else cast(AnyFunction, Formula(function))
 
 
 def inlined(function: AnyFunction) -> AnyFunction:
@@ -165,8 +166,7 @@ def inlined(function: AnyFunction) -> AnyFunction:
     A formula is optimised for itself and again wherever it is inlined, which for what few call
     and what itself calls nearly everything is most of the compiler's time.
     """
-    settings: Any = config  # its attributes are made when it is imported
-    if settings.DISABLE_JIT:
+    if _settings.DISABLE_JIT:
         return function
     return cast(AnyFunction, Kernel(function, njit(inline='always')(function)))
 
@@ -174,8 +174,7 @@ def inlined(function: AnyFunction) -> AnyFunction:
 def kernel(function: AnyFunction) -> AnyFunction:
     """Compile a function over arrays and keep its machine code on disk."""
     compiled = _compile(function)
-    settings: Any = config  # its attributes are made when it is imported
-    return cast(AnyFunction, compiled if settings.DISABLE_JIT else Kernel(function, compiled))
+    return cast(AnyFunction, compiled if _settings.DISABLE_JIT else Kernel(function, compiled))
 
 
 def kernel_of_threads(function: AnyFunction) -> AnyFunction:
@@ -187,12 +186,12 @@ def kernel_of_threads(function: AnyFunction) -> AnyFunction:
     return _compile(function, nogil=True)
 
 
-def is_interpreted(kernel: Any) -> bool:
+def is_interpreted(kernel: object) -> bool:
     """Return True if formulas run as Python, without a compiler."""
     return not hasattr(kernel, 'compile')
 
 
-def bound(kernel: Any, *arguments: object) -> Function:
+def bound(kernel: Function, *arguments: object) -> Function:
     """
     Return a kernel as it is for the types of these arguments, compiled if need be.
 
@@ -202,53 +201,56 @@ def bound(kernel: Any, *arguments: object) -> Function:
     takes longer than a control tick.
     """
     if is_interpreted(kernel):
-        return cast(Function, kernel)
+        return kernel
     types = tuple(map(typeof, arguments))
     # Loaded code is used without Numba's lock, which another thread may hold for a long time.
-    loaded = kernel.overloads.get(types)
+    loaded = cast(Kernel, kernel).overloads.get(types)
     try:
-        code = kernel.compile(types) if loaded is None else loaded.entry_point
+        code = cast(Kernel, kernel).compile(types) if loaded is None else loaded.entry_point
     except COMPILER_ERRORS as error:
         raise explained(error) from error
     return cast(Function, code)
 
 
-def is_loaded(kernel: Any, *arguments: object) -> bool:
+def is_loaded(kernel: Function, *arguments: object) -> bool:
     """Return True if this process has the compiled code for the types of these arguments."""
-    return is_interpreted(kernel) or tuple(map(typeof, arguments)) in kernel.overloads
+    if is_interpreted(kernel):
+        return True
+    return tuple(map(typeof, arguments)) in cast(Kernel, kernel).overloads
 
 
-def is_on_disk(kernel: Any, *arguments: object) -> bool:
+def is_on_disk(kernel: Function, *arguments: object) -> bool:
     """Return True if the disk has a file of the compiled code; it may be damaged."""
     return _code_files(kernel).has(_code_key(kernel, arguments))
 
 
-def is_whole_on_disk(kernel: Any, *arguments: object) -> bool:
+def is_whole_on_disk(kernel: Function, *arguments: object) -> bool:
     """Return True if the disk has the compiled code; reads the file to check it."""
     return _code_files(kernel).load(_code_key(kernel, arguments)) is not None
 
 
-def _code_files(kernel: Any) -> CodeFiles:
-    files: CodeFiles = kernel._cache._cache_file
+def _code_files(kernel: Function) -> CodeFiles:
+    files: CodeFiles = cast(Kernel, kernel)._cache._cache_file
     return files
 
 
-def _code_key(kernel: Any, arguments: tuple[object, ...]) -> tuple[object, ...]:
+def _code_key(kernel: Function, arguments: tuple[object, ...]) -> tuple[object, ...]:
     """Return the key under which Numba keeps the code for the types of arguments."""
-    return kernel._cache._index_key(tuple(map(typeof, arguments)), kernel.targetctx.codegen())
+    dispatcher = cast(Kernel, kernel)
+    codegen = dispatcher.targetctx.codegen()
+    return dispatcher._cache._index_key(tuple(map(typeof, arguments)), codegen)
 
 
 def _compile(function: Function, **options: Any) -> Any:
     # IEEE division (error_model) instead of a branch that raises ZeroDivisionError.
-    settings: Any = config  # its attributes are made when it is imported
-    previous, settings.CACHE_DIR = settings.CACHE_DIR, str(_cache_directory())
+    previous, _settings.CACHE_DIR = _settings.CACHE_DIR, str(_cache_directory())
     try:
         # No caller uses C's conventions, and a wrapper for them takes long to compile.
         options = {'error_model': 'numpy', 'cache': True, 'no_cfunc_wrapper': True, **options}
         compiled = njit(**options)(function)
     finally:
-        settings.CACHE_DIR = previous
-    if not settings.DISABLE_JIT:
+        _settings.CACHE_DIR = previous
+    if not _settings.DISABLE_JIT:
         cache = compiled._cache
         cache._cache_file = CodeFiles(
             cache.cache_path, cache._impl.filename_base, cache._impl.locator.get_source_stamp()

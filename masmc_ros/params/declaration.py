@@ -302,7 +302,7 @@ def _number(value: object) -> float | None:
         return None
 
 
-def _is_array(value: object) -> TypeGuard[list[Any] | tuple[Any, ...] | array.array[Any]]:
+def _is_array(value: object) -> TypeGuard[list[Any] | tuple[Any, ...] | array.array[float]]:
     return isinstance(value, list | tuple | array.array)
 
 

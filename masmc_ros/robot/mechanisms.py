@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache, lru_cache
-from typing import Any
+from typing import cast
 
 from masmc_ros.errors import InputError
 from masmc_ros.params.declaration import Parameter, Values
@@ -66,7 +66,8 @@ def mechanism_from(values: Values) -> Mechanism:
         return tree_mechanism(values)
     name = values.get(NAME)
     mechanism = load(name) if isinstance(name, str) and name in names() else DEFAULT
-    settings: Any = SPEED_LIMITS.check(values.get(SPEED_LIMITS.name, ()))
+    checked = SPEED_LIMITS.check(values.get(SPEED_LIMITS.name, ()))
+    settings = cast(tuple[str, ...], checked)
     return _limited(mechanism, settings) if settings else mechanism
 
 

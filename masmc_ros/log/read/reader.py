@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import cast
 
 from masmc_ros.control.stamp_order import in_time, state_timeout
 from masmc_ros.errors import InputError
@@ -294,8 +294,8 @@ def _robot(
     for values in nodes:
         names = values.get(JOINT_NAMES_PARAMETER)
         if names is not None:
-            checked: Any = joint_names_parameter(mechanism).check(names)
-            return mechanism, joint_names_of(mechanism, checked)
+            checked = joint_names_parameter(mechanism).check(names)
+            return mechanism, joint_names_of(mechanism, cast(tuple[str, ...], checked))
     return mechanism, joint_names_of(mechanism)
 
 

@@ -347,7 +347,7 @@ class _Listener:
         pass
 
 
-def plain(value: Any) -> Any:
+def plain(value: Any) -> object:
     """Return a parameter's value for the protocol: arrays as lists, infinity and NaN as text."""
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)

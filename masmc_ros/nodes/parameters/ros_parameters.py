@@ -353,7 +353,7 @@ def _plain(value: Any) -> Any:
     return value if is_scalar else list(value)
 
 
-def _as_ros(parameter: Parameter, value: Any) -> Any:
+def _as_ros(parameter: Parameter, value: Any) -> object:
     """Return a checked value in the form that rclpy declares."""
     if parameter.broadcast and parameter.kind == 'doubles':
         value = [float(v) for v in value] if isinstance(value, list) else value
@@ -362,7 +362,7 @@ def _as_ros(parameter: Parameter, value: Any) -> Any:
     return [''] if value in (None, (), []) else value
 
 
-def _doubles(parameter: Parameter | None, change: rclpy.parameter.Parameter) -> Any:
+def _doubles(parameter: Parameter | None, change: rclpy.parameter.Parameter) -> object:
     value = _plain(change.value)
     if parameter is None or parameter.kind not in ('double', 'doubles'):
         return value

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import cast
 import xml.etree.ElementTree as ElementTree
 
 from masmc_ros.errors import InputError
@@ -24,7 +24,7 @@ _AHEAD = 0.05
 
 def payload_factors(robot: Robot) -> Array:
     """Return the changes (p, 10) of theta by the moments of a payload on the body of the tip."""
-    mechanism: Any = robot.mechanism
+    mechanism = cast(TreeMechanism, robot.mechanism)
     body = mechanism.robot.frames[mechanism.tips[0]].body
     factors = np.zeros((len(robot.theta), PER_BODY))
     factors[PER_BODY * body:PER_BODY * (body + 1)] = np.eye(PER_BODY)
@@ -38,7 +38,7 @@ def values_of(robot: Robot, theta: Array) -> MutableValues:
     The description is a text. The first link of each moving body has the inertia of the body, and
     links that are fixed to it have none. Wheels keep theirs.
     """
-    mechanism: Any = robot.mechanism
+    mechanism = cast(TreeMechanism, robot.mechanism)
     bodies = theta.reshape(-1, PER_BODY)
     values = dict(mechanism.choice)
     values[URDF] = _text(mechanism, bodies)
@@ -88,7 +88,7 @@ def _inertial(moments: Array) -> ElementTree.Element:
 
 def exciting_task(robot: Robot) -> MutableValues:
     """Return the values of parameters whose task determines the motion of all joints."""
-    mechanism: Any = robot.mechanism
+    mechanism = cast(TreeMechanism, robot.mechanism)
     kind = mechanism.choice['robot.base']
     if kind == 'fixed':
         return {'robot.task': ('joints',)}
