@@ -8,13 +8,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 from masmc_ros.api.scenario import load, Scenario
 from masmc_ros.campaign.axes import axis
 from masmc_ros.campaign.campaign import Campaign, campaign_of
 from masmc_ros.campaign.draws import draw as parsed_draw
 from masmc_ros.campaign.engine import carry_out
+from masmc_ros.params.declaration import Values
 from masmc_ros.params.text import yaml_text
 import pyarrow as pa
 from tqdm import tqdm
@@ -22,17 +22,17 @@ from tqdm import tqdm
 
 def sweep(
     scenario: str | Scenario,
-    vary: Mapping[str, str | Sequence[Any]],
+    vary: Mapping[str, str | Sequence[object]],
     *,
     draw: Mapping[str, str] | None = None,
     runs: int = 1,
     seed: int = 0,
     sobol: bool = False,
-    settings: Mapping[str, Any] | None = None,
+    settings: Values | None = None,
     output: str | Path | None = None,
     threads: int = 0,
     scheduler: str = '',
-    **values: Any,
+    **values: object,
 ) -> pa.Table:
     """
     Run a scenario at all points of a grid, as `masmc sweep` does.
@@ -89,11 +89,11 @@ def monte_carlo(
     runs: int = 1000,
     seed: int = 0,
     sobol: bool = False,
-    settings: Mapping[str, Any] | None = None,
+    settings: Values | None = None,
     output: str | Path | None = None,
     threads: int = 0,
     scheduler: str = '',
-    **values: Any,
+    **values: object,
 ) -> pa.Table:
     """
     Run a scenario with random parameters, as `masmc monte-carlo` does.
@@ -125,7 +125,7 @@ def monte_carlo(
     )  # fmt: skip
 
 
-def _text(entries: str | Sequence[Any]) -> str:
+def _text(entries: str | Sequence[object]) -> str:
     return entries if isinstance(entries, str) else ','.join(map(yaml_text, entries))
 
 

@@ -5,15 +5,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import chain
-from typing import Any
 
 from masmc_ros.api.scenario import load, Scenario
 from masmc_ros.compare.campaign import outcomes
 from masmc_ros.compare.ranking import ranking
 from masmc_ros.compare.tables import rows_of
 from masmc_ros.compare.tasks import tasks_of
+from masmc_ros.params.declaration import Values
 import pyarrow as pa
 from tqdm import tqdm
 
@@ -24,8 +24,8 @@ def compare_laws(
     *,
     trials: str | Sequence[str] = 'all',
     seeds: int = 1,
-    settings: Mapping[str, Any] | None = None,
-    **values: Any,
+    settings: Values | None = None,
+    **values: object,
 ) -> pa.Table:
     """
     Run laws on the same scenario and seeds, as `masmc compare` does.

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from masmc_ros.api.settings import settings_of
+from masmc_ros.params.declaration import Values
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.robot import Robot, robot_of
 from masmc_ros.share import scenario_file
@@ -33,7 +33,7 @@ class Scenario:
     settings: tuple[str, ...] = ()
 
     @property
-    def values(self) -> dict[str, dict[str, Any]]:
+    def values(self) -> Mapping[str, Values]:
         """Return the checked values by node and name; InputError for an invalid one."""
         return load_scenario(self.file, self.settings)
 
@@ -48,7 +48,7 @@ class Scenario:
 
 
 def load(
-    scenario: str | Scenario = 'paper', settings: Mapping[str, Any] | None = None, **values: Any
+    scenario: str | Scenario = 'paper', settings: Values | None = None, **values: object
 ) -> Scenario:
     """
     Return a scenario with changed values.

@@ -5,10 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 from masmc_ros.errors import InputError
+from masmc_ros.params.declaration import Values
 from masmc_ros.params.file import read
 from masmc_ros.params.node_parameters import declared, shared
 from masmc_ros.params.text import yaml_text
@@ -19,7 +17,7 @@ _NODES = ('controller', 'plant', 'trajectory')
 
 
 def settings_of(
-    file: str, settings: Mapping[str, Any] | None, values: Mapping[str, Any]
+    file: str, settings: Values | None, values: Values
 ) -> list[str]:
     """
     Return values of the Python interface as texts NAME=VALUE of `--set`.

@@ -7,20 +7,25 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 from masmc_ros.api.plots import Plots
 from masmc_ros.api.scenario import load, Scenario
 from masmc_ros.loop.signals import Signal, SIGNALS
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.numerics.aliases import Array
+from masmc_ros.params.declaration import Values
 from masmc_ros.params.scenario import activation
 from masmc_ros.report.measure.labels import law_label
 from masmc_ros.report.measure.metrics import Metrics, Samples
 from masmc_ros.report.measure.table import text_table
-from masmc_ros.robot.declaration import Mechanism
+from masmc_ros.robot.declaration import Coordinate, Mechanism, Quantity
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
 
 _SIGNALS = {signal.name: signal for signal in SIGNALS}
 
@@ -84,7 +89,7 @@ class SimulatedRun:
         A signal with a single component has one empty name. KeyError for an unknown signal.
         """
         size = _SIGNALS[signal].size
-        named: dict[str, Sequence[Any]] = {
+        named: dict[str, Sequence[Coordinate | Quantity]] = {
             'positions': self.mechanism.positions,
             'joints': self.mechanism.joints,
             'axes': self.mechanism.axes,
@@ -96,7 +101,7 @@ class SimulatedRun:
                          for name in names)  # fmt: skip
         return tuple(entry.name for entry in named[str(size)]) if size else ('',)
 
-    def to_arrow(self) -> Any:
+    def to_arrow(self) -> pa.Table:
         """
         Return all signals as an Arrow table of n rows, with a column for each component.
 
@@ -127,7 +132,7 @@ class SimulatedRun:
 
 
 def simulate(
-    scenario: str | Scenario = 'paper', settings: Mapping[str, Any] | None = None, **values: Any
+    scenario: str | Scenario = 'paper', settings: Values | None = None, **values: object
 ) -> SimulatedRun:
     """
     Compute a run, as `masmc simulate` does.

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from masmc_ros.api.scenario import load, Scenario
 from masmc_ros.campaign.campaign import campaign_of
@@ -19,6 +18,7 @@ from masmc_ros.campaign.tune import Evaluation, searched, tuned, Tuning, variabl
 from masmc_ros.campaign.tuned_file import tuned_file
 from masmc_ros.campaign.variable import Variable
 from masmc_ros.errors import InputError
+from masmc_ros.params.declaration import Values
 from masmc_ros.report.files import write_file
 from masmc_ros.report.measure.table import Column
 import pyarrow as pa
@@ -100,9 +100,9 @@ def tune(
     evaluations: int = 256,
     seed: int = 0,
     sobol: bool = False,
-    settings: Mapping[str, Any] | None = None,
+    settings: Values | None = None,
     threads: int = 0,
-    **values: Any,
+    **values: object,
 ) -> TunedScenario:
     """
     Search gains that minimise two metrics, as `masmc tune` does.

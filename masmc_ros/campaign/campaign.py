@@ -22,7 +22,7 @@ from masmc_ros.errors import InputError
 from masmc_ros.law import registry
 from masmc_ros.law.law import Law
 from masmc_ros.log.write.provenance import git_state
-from masmc_ros.params.declaration import check_all
+from masmc_ros.params.declaration import check_all, MutableValues
 from masmc_ros.params.node_parameters import declared
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.params.text import yaml_text
@@ -55,7 +55,7 @@ class Run:
     """
 
     number: int
-    values: dict[str, Any]
+    values: MutableValues
     scenario: Scenario
 
 
@@ -164,7 +164,7 @@ class Campaign:
             values = [*varied, *(float(column[repeat - start]) for column in known)]
             yield self._run(number, repeat, values)
 
-    def _run(self, number: int, repeat: int, values: Sequence[Any]) -> Run:
+    def _run(self, number: int, repeat: int, values: Sequence[object]) -> Run:
         scenario = {node: dict(self.scenario[node]) for node in NODES}
         plant = scenario['plant']
         plant['seed'] = (plant['seed'] + repeat) % _SEEDS
@@ -256,7 +256,7 @@ def campaign_of(
     return campaign
 
 
-def _check(variable: Variable, scenario: Scenario, value: Any, place: str) -> None:
+def _check(variable: Variable, scenario: Scenario, value: object, place: str) -> None:
     try:
         variable.write({node: dict(values) for node, values in scenario.items()}, value)
     except InputError as error:

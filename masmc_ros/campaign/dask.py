@@ -15,9 +15,8 @@ from importlib.metadata import version
 from itertools import islice
 import platform
 from types import TracebackType
-from typing import Any
 
-from distributed import as_completed, Client
+from distributed import as_completed, Client, Future
 from distributed.scheduler import KilledWorker
 from masmc_ros import __version__
 from masmc_ros.campaign.campaign import Campaign
@@ -82,7 +81,7 @@ class Cluster:
             raise InputError(f'{place}: no workers; start one with dask worker {address}')
         own = versions()
         try:
-            answers: dict[str, Any] = self._client.run(versions)
+            answers: dict[str, dict[str, str]] = self._client.run(versions)
         except Exception as error:  # whatever a worker raises that lacks this package
             raise InputError(
                 f'{place}: a worker cannot import masmc_ros ({error}); install masmc_ros'
@@ -101,7 +100,7 @@ class Cluster:
         """Yield the rows of parts (first run, number of runs) in the order of completion."""
         waiting, client = iter(parts), self._client
 
-        def submitted(count: int) -> list[Any]:
+        def submitted(count: int) -> list[Future]:
             return [
                 client.submit(
                     rows_of_text,

@@ -25,7 +25,7 @@ from masmc_ros.campaign.part import Rows
 from masmc_ros.errors import InputError
 from masmc_ros.log.write.provenance import git_state
 from masmc_ros.report.files import make_folder, whole_file
-import numpy as np
+from numpy.typing import NDArray
 import pyarrow as pa
 from pyarrow import parquet
 
@@ -108,6 +108,6 @@ class Dataset:
         return pa.table(columns).replace_schema_metadata(metadata)
 
 
-def arrays(table: pa.Table) -> dict[str, np.ndarray[Any, Any]]:
+def arrays(table: pa.Table) -> dict[str, NDArray[Any]]:
     """Return the columns of a table as arrays, missing numbers as NaN."""
     return {name: table[name].to_numpy() for name in table.column_names}

@@ -102,7 +102,7 @@ def evaluated(
         Called between two batches; True raises StoppedError.
 
     """
-    groups: dict[tuple[Any, ...], list[int]] = {}
+    groups: dict[tuple[object, ...], list[int]] = {}
     for place, run in enumerate(runs):
         groups.setdefault(tuple(of_all_lanes(run.scenario).values()), []).append(place)
     results: list[Metrics | float] = [np.nan] * len(runs)

@@ -14,7 +14,7 @@ from typing import Any
 from masmc_ros.campaign.campaign import Campaign
 from masmc_ros.campaign.part import metric_columns
 from masmc_ros.errors import InputError, suggestion
-from masmc_ros.numerics.aliases import Array
+from masmc_ros.numerics.aliases import AnyArray, Array
 from masmc_ros.report.aligned import aligned
 from masmc_ros.report.measure.table import Column, number
 import numpy as np
@@ -139,18 +139,18 @@ def _correlations(
     return [head, *aligned(body, (0,), width=width)]
 
 
-def _rank_correlation(first: NDArray[Any], second: Array) -> float:
+def _rank_correlation(first: AnyArray, second: Array) -> float:
     """Return Spearman's coefficient; 0 if one of them is constant."""
     ranks = np.array([_ranks(first), _ranks(second)])
     return float(np.corrcoef(ranks)[0, 1]) if np.ptp(ranks, axis=1).all() else 0.0
 
 
-def _ranks(values: NDArray[Any]) -> Array:
+def _ranks(values: AnyArray) -> Array:
     """Return the ranks, of equal values their mean."""
     _, group, counts = np.unique(values, return_inverse=True, return_counts=True)
     ranks: Array = (np.cumsum(counts) - (counts - 1) / 2.0)[group]
     return ranks
 
 
-def _shown(value: Any) -> str:
+def _shown(value: object) -> str:
     return f'{value:.6g}' if isinstance(value, float) else str(value)

@@ -17,7 +17,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 import math
 from threading import Event
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from masmc_ros.campaign.campaign import Campaign, Run
 from masmc_ros.campaign.part import evaluated, LANES
@@ -25,6 +25,7 @@ from masmc_ros.campaign.variable import Variable
 from masmc_ros.errors import InputError
 from masmc_ros.numerics.aliases import Array
 from masmc_ros.params.scalar import typed
+from masmc_ros.report.measure.metrics import Metrics
 from masmc_ros.report.measure.table import Column
 import numpy as np
 
@@ -195,7 +196,7 @@ class Evaluation:
         return [(float(first), float(second)) for first, second in reached]
 
     @staticmethod
-    def _value(column: Column, result: Any) -> float:
+    def _value(column: Column, result: Metrics | float) -> float:
         value = None if isinstance(result, float) else column.value(result)
         return math.inf if value is None else value
 
@@ -235,7 +236,7 @@ def tuned(
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     sampler = optuna.samplers.NSGAIISampler(population_size=POPULATION, seed=seed)
     study = optuna.create_study(directions=['minimize', 'minimize'], sampler=sampler)
-    spaces: dict[str, Any] = {
+    spaces: dict[str, optuna.distributions.BaseDistribution] = {
         entry.name: optuna.distributions.FloatDistribution(entry.low, entry.high, log=entry.is_log)
         for entry in ranges
     }

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from masmc_ros.campaign.variable import Variable
+from masmc_ros.params.declaration import Values
 from masmc_ros.params.node_parameters import NODES
 from masmc_ros.params.scenario import load_scenario
 import yaml
@@ -47,7 +48,7 @@ def tuned_file(
     return '\n'.join(lines) + '\n'
 
 
-def _nested(values: Mapping[str, Any]) -> dict[str, Any]:
+def _nested(values: Values) -> dict[str, Any]:
     """Return values by the parts of their dotted names."""
     tree: dict[str, Any] = {}
     for name, value in values.items():

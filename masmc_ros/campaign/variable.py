@@ -8,22 +8,21 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 import re
-from typing import Any
 
 from masmc_ros.errors import InputError
-from masmc_ros.params.declaration import Parameter, Value
+from masmc_ros.numerics.aliases import AnyArray
+from masmc_ros.params.declaration import MutableValues, Parameter, Value, Values
 from masmc_ros.params.scenario import readers
 from masmc_ros.params.text import yaml_text
 from masmc_ros.robot.declaration import Mechanism
 import numpy as np
-from numpy.typing import NDArray
 
 _ENTRY = re.compile(r'(.+)\[([0-9]+)\]')
 
-_TYPES: dict[str, Any] = {'bool': np.bool_, 'integer': np.int64, 'string': np.str_}
+_TYPES: dict[str, type[np.generic]] = {'bool': np.bool_, 'integer': np.int64, 'string': np.str_}
 """Types of columns by kind; the others are doubles."""
 
-Scenario = dict[str, dict[str, Any]]
+Scenario = dict[str, MutableValues]
 """Checked values by node and name."""
 
 
@@ -90,13 +89,13 @@ class Variable:
         """Return the declaration, which is the same for all nodes."""
         return next(iter(self.readers.values()))
 
-    def write(self, scenario: Scenario, value: Any) -> None:
+    def write(self, scenario: Scenario, value: object) -> None:
         """Write a value into a scenario, for all nodes; InputError if a node would reject it."""
         for node, parameter in self.readers.items():
             if node in scenario:
                 scenario[node][parameter.name] = self.checked(scenario[node], parameter, value)
 
-    def checked(self, values: Mapping[str, Any], parameter: Parameter, value: Any) -> Value:
+    def checked(self, values: Values, parameter: Parameter, value: object) -> Value:
         """
         Return the checked value of the parameter for a node.
 
@@ -118,7 +117,7 @@ class Variable:
             value = entries
         return parameter.check(value, integers_for_doubles=True)
 
-    def column(self, values: Sequence[Any]) -> NDArray[Any]:
+    def column(self, values: Sequence[object]) -> AnyArray:
         """Return values of several runs as an array (runs) of the type of the parameter."""
         return np.array(values, _TYPES.get(self.parameter.kind, np.float64))
 

@@ -7,9 +7,12 @@ from __future__ import annotations
 
 import argparse
 import sys
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TYPE_CHECKING
 
 from masmc_ros.errors import suggestion
+
+if TYPE_CHECKING:
+    from _typeshed import SupportsWrite
 
 
 class Parser(argparse.ArgumentParser):
@@ -29,12 +32,12 @@ class Parser(argparse.ArgumentParser):
             self.error(f"unknown argument '{unknown[0]}'; {hint}")
         return options, unknown
 
-    def _check_value(self, action: argparse.Action, value: Any) -> None:
+    def _check_value(self, action: argparse.Action, value: object) -> None:
         if action.choices is not None and value not in action.choices:
             hint = suggestion(str(value), map(str, action.choices))
             raise argparse.ArgumentError(action, f"'{value}' is unknown; {hint}")
 
-    def _print_message(self, message: str, file: Any = None) -> None:
+    def _print_message(self, message: str, file: SupportsWrite[str] | None = None) -> None:
         """Print; unlike the library, raise the error if that fails."""
         print(message, end='', file=file or sys.stderr)
 

@@ -10,16 +10,16 @@ computed side by side in lanes, a few one after the other; both are bitwise iden
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 import multiprocessing
 import os
 import signal
-from typing import Any
 
 from masmc_ros.compare.contenders import Contender
 from masmc_ros.compare.trials import drawn, Trial
 from masmc_ros.loop.batch_simulation import BatchSimulation
+from masmc_ros.params.declaration import Values
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.report.measure.metrics import Metrics, Samples
 from masmc_ros.robot.declaration import Mechanism
@@ -89,7 +89,7 @@ def compute(task: Task) -> tuple[Outcome, ...]:
     return tuple(computed)
 
 
-def _reached(runs: Sequence[Any], mechanism: Mechanism) -> list[Metrics | None]:
+def _reached(runs: Sequence[Mapping[str, Values]], mechanism: Mechanism) -> list[Metrics | None]:
     """Return the metrics of runs that are computed together."""
     loop = BatchSimulation(runs)
     errors, torques = [], []

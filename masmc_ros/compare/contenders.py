@@ -5,13 +5,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Iterable
+from typing import NamedTuple
 
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.law import registry
 from masmc_ros.law.law import Law
 from masmc_ros.law.reaching.implicit import IMPLICIT
+from masmc_ros.params.declaration import Values
 from masmc_ros.report.measure.labels import OBSERVER
 from masmc_ros.robot.declaration import Mechanism
 
@@ -73,7 +74,7 @@ def contenders(names: str, mechanism: Mechanism, own: str) -> tuple[Contender, .
     return tuple(dict.fromkeys(selected))
 
 
-def marked(chosen: Iterable[Contender], controller: Mapping[str, Any]) -> tuple[Contender, ...]:
+def marked(chosen: Iterable[Contender], controller: Values) -> tuple[Contender, ...]:
     """Return contenders whose names show the estimate that a controller's values switch on."""
     has_gain = controller['observer_gain'] > 0.0
     return tuple(

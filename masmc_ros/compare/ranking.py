@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 import math
-from typing import Any
 
 from masmc_ros.compare.campaign import Outcome
 from masmc_ros.compare.contenders import Contender
@@ -90,7 +89,7 @@ def _row(reached: tuple[Metrics | None, ...]) -> Row:
     lost = len(reached) - len(kept)
     is_lost = 2 * lost > len(reached)
 
-    def median(values: Iterable[Any]) -> float:
+    def median(values: Iterable[float | None]) -> float:
         numbers = [value for value in values if value is not None]
         return float(np.median(numbers)) if numbers and not is_lost else math.inf
 

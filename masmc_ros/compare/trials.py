@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 import math
-from typing import Any
 
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.law.reaching.implicit import OBSERVER_GAIN
+from masmc_ros.params.declaration import MutableValues
 from masmc_ros.robot.declaration import Mechanism
 import numpy as np
 
@@ -113,7 +113,9 @@ _INERTIAL = ('kg', 'kg·m²')
 """Units of the robot's parameters that are drawn randomly."""
 
 
-def drawn(scenario: dict[str, dict[str, Any]], mechanism: Mechanism, seed: int) -> Any:
+def drawn(
+    scenario: dict[str, MutableValues], mechanism: Mechanism, seed: int
+) -> dict[str, MutableValues]:
     """
     Return a scenario with a true robot, disturbance and noise that are drawn by a seed.
 

@@ -10,10 +10,10 @@ an event before it passes on the next event.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from masmc_ros.errors import UserError
+from masmc_ros.params.declaration import Values
 
 
 class Command:
@@ -75,7 +75,7 @@ class Record(NamedTuple):
 
     tick: int
     stamp: int
-    values: Mapping[str, Any]
+    values: Values
     changed: tuple[str, ...] = ()
     event: str = ''
 

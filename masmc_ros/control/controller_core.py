@@ -10,10 +10,9 @@ waiting, and the caller supplies the time. Stamps are in ns, `now` is a steady t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 import math
-from typing import Any
 
 from masmc_ros.control.actions import (
     Action,
@@ -55,6 +54,7 @@ from masmc_ros.loop.simulated_robot import diverged
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.numerics.aliases import Array
+from masmc_ros.params.declaration import MutableValues, Values
 from masmc_ros.reference.approach import Approach
 from masmc_ros.reference.windows import ReferenceWindows
 from masmc_ros.throttle import Throttle
@@ -126,7 +126,7 @@ class ControllerCore:
         approach: Approach,
         layer: LayerWatch,
         timing: Timing,
-        values: Mapping[str, Any],
+        values: Values,
     ) -> None:
         """
         Initialise the core.
@@ -185,7 +185,7 @@ class ControllerCore:
         self._published = ''
         self._is_waiting = True
         self._more: list[Action] = []
-        self._unpublished: list[tuple[dict[str, Any], tuple[str, ...], str]] = []
+        self._unpublished: list[tuple[MutableValues, tuple[str, ...], str]] = []
         # The actions of an ordinary tick are created here, once.
         self._command, self._telemetry = Command(), Telemetry()
         self._stop_command, self._void = StopCommand(), Void()
@@ -303,7 +303,7 @@ class ControllerCore:
             return self._second_look
         return self._watched + self._state_timeout
 
-    def on_parameters(self, changed: Mapping[str, Any]) -> Actions:
+    def on_parameters(self, changed: Values) -> Actions:
         """Use checked values from the next tick on, as the controller does; record them."""
         self._values.update(changed)
         self._queue_record(changed=tuple(changed))

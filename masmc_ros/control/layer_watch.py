@@ -6,10 +6,10 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.layer_bound import least_task_inertia, longest_hold, thinnest_layer
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.throttle import Throttle
 import numpy as np
 
@@ -29,7 +29,7 @@ class LayerWatch:
         self._longest = 0
         self._least_inertia(controller.nominal, np.ones(len(controller.mechanism.positions)))
 
-    def _least_inertia(self, theta: Any, position: Any) -> float:
+    def _least_inertia(self, theta: Array, position: Array) -> float:
         robot = self._controller.robot
         return least_task_inertia(robot.mechanism, theta, robot.geometry, position)
 
@@ -37,7 +37,7 @@ class LayerWatch:
         """Restart after a change of the law."""
         self._longest = 0
 
-    def check(self, periods: int, position: Any, now: float) -> str | None:
+    def check(self, periods: int, position: Array, now: float) -> str | None:
         """
         Return a warning if the last torque was held for too long, otherwise None.
 
@@ -61,7 +61,7 @@ class LayerWatch:
         self._longest = periods
         return warning
 
-    def _warning(self, hold: float, position: Any) -> str | None:
+    def _warning(self, hold: float, position: Array) -> str | None:
         controller, values = self._controller, self._controller.values
         if not controller.uses_switching or values['switching'] not in _LAYERED:
             return None

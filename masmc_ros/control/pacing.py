@@ -5,14 +5,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 import math
-from typing import Any, Protocol
+from typing import Protocol
 
 from masmc_ros.control.stamp_order import Order, state_timeout
 from masmc_ros.errors import UserError
-
-Values = Mapping[str, Any]
+from masmc_ros.params.declaration import Values
 
 
 class Pacing(Protocol):

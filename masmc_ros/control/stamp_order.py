@@ -5,10 +5,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from enum import Enum
-from typing import Any
 
+from masmc_ros.params.declaration import Values
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,7 +18,7 @@ _MIN_PERIODS = 5
 """Smallest state timeout in control periods; with a shorter one every state could be late."""
 
 
-def state_timeout(values: Mapping[str, Any]) -> float:
+def state_timeout(values: Values) -> float:
     """Return the state timeout of a controller's parameters in s, at least five periods."""
     minimum: float = _MIN_PERIODS * values['control_period']
     return max(values['state_timeout'], minimum)

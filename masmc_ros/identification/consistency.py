@@ -13,16 +13,17 @@ units and frames (Lee, Wensing and Park 2020).
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from masmc_ros.identification.regressor import FRICTIONS, record_of
-from masmc_ros.numerics.aliases import Array
+from masmc_ros.numerics.aliases import Array, Records
 from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.robot import Robot
 import numpy as np
+from numpy.typing import NDArray
 
 _LEAST = 1.0e-4
 """Smallest eigenvalue of a scaled matrix."""
@@ -165,7 +166,7 @@ def _of_mechanism(robot: Robot, theta: Array) -> tuple[Array, list[Inequality]]:
 
 
 @kernel
-def _order(body: Any) -> int:
+def _order(body: Records) -> int:
     """Return the number of rows of the consistency matrix of a mechanism."""
     record = lane_of(body[0], 0)
     model = mechanism.model_of(record)
@@ -174,7 +175,7 @@ def _order(body: Any) -> int:
 
 
 @kernel
-def _quadratic(body: Any, x: Any) -> Array:
+def _quadratic(body: Records, x: Array) -> Array:
     """Return the derivatives (p) of x' Q(theta) x by the parameters, for x (m)."""
     record = lane_of(body[0], 0)
     model, theta = mechanism.model_of(record), record.theta
@@ -193,7 +194,7 @@ def _thick(nominal: Array) -> Array:
     return np.asarray(nominal + np.diag([_GYRATION**2 * nominal[3, 3]] * 3 + [0.0]))
 
 
-def _congruent(root: Any, matrix: Array) -> Array:
+def _congruent(root: NDArray[np.floating], matrix: Array) -> Array:
     """Return C^-1 M C^-T for a lower triangular C."""
     left = np.linalg.solve(root, matrix)
     return np.asarray(np.linalg.solve(root, left.T).T)

@@ -12,14 +12,13 @@ number of the scaled base parameters is selected and improved. Self-collisions a
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.identification.consistency import Scale, scaled
 from masmc_ros.identification.directions import base_parameters
 from masmc_ros.identification.identify import Nominal
 from masmc_ros.identification.regressor import instantaneous, record_of
-from masmc_ros.numerics.aliases import Array
+from masmc_ros.numerics.aliases import Array, Records
 from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.lanes import lane_of
@@ -261,7 +260,7 @@ def positions_of(robot: Robot, start: Array, angles: Array) -> Array:
 
 
 @kernel
-def _positions(body: Any, start: Any, angles: Any) -> Array:
+def _positions(body: Records, start: Array, angles: Array) -> Array:
     record = lane_of(body[0], 0)
     place, template = record.position, record.rates
     model = mechanism.model_of(record)

@@ -5,9 +5,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from masmc_ros.errors import InputError
 from masmc_ros.identification.excitation import (
@@ -19,7 +19,9 @@ from masmc_ros.identification.excitation import (
 from masmc_ros.identification.nominal import nominal_of, of_its_kind
 from masmc_ros.identification.parameter_file import EVERY, write_parameters
 from masmc_ros.numerics.aliases import Array
+from masmc_ros.params.declaration import MutableValues, Values
 from masmc_ros.params.node_parameters import declared, NODES, shared
+from masmc_ros.robot.declaration import Quantity
 from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.robot.robot import robot_of
 import numpy as np
@@ -50,7 +52,7 @@ class Excitation(NamedTuple):
 
 def write_exciting(
     path: Path,
-    scenario: Mapping[str, Mapping[str, Any]],
+    scenario: Mapping[str, Values],
     source: str,
     *,
     duration: float,
@@ -126,7 +128,7 @@ def write_exciting(
     return Excitation(condition, deviation, np.abs(rates).max(axis=0))
 
 
-def _kept(node: str, values: Mapping[str, Any], task: Mapping[str, Any]) -> dict[str, Any]:
+def _kept(node: str, values: Values, task: Values) -> MutableValues:
     """Return the values of a node that differ from defaults, and do not belong to the old path."""
     before = {p.name: p for p in declared(node, mechanism_from(values))}
     robot = mechanism_from({**values, **task})
@@ -141,7 +143,7 @@ def _kept(node: str, values: Mapping[str, Any], task: Mapping[str, Any]) -> dict
     return kept
 
 
-def _unwound(points: Array, axes: Any) -> Array:
+def _unwound(points: Array, axes: Sequence[Quantity]) -> Array:
     """Return points (N, axes) whose angles do not jump by turns."""
     is_angle = [axis.unit == 'rad' for axis in axes]
     return np.where(is_angle, np.unwrap(points, axis=0), points)

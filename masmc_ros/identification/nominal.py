@@ -5,15 +5,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from importlib import import_module
-from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.identification.identify import Nominal
 from masmc_ros.log.read.reader import Run
-from masmc_ros.numerics.aliases import Array
-from masmc_ros.params.declaration import check_all
+from masmc_ros.numerics.aliases import Array, Function
+from masmc_ros.params.declaration import check_all, MutableValues, Values
 from masmc_ros.robot.mechanisms import mechanism_from, NAME
 from masmc_ros.robot.mechanisms import parameters as kinds
 from masmc_ros.robot.robot import Robot, robot_of
@@ -23,7 +21,7 @@ _FRICTION = 'robot.friction'
 _SCALE = 'model_scale'
 
 
-def nominal_of(values: Mapping[str, Any]) -> Nominal:
+def nominal_of(values: Values) -> Nominal:
     """
     Return the robot that a controller with these values assumes, scaled by `model_scale`.
 
@@ -56,14 +54,14 @@ def nominal_of_run(run: Run) -> Nominal:
     )
 
 
-def _robot(values: Mapping[str, Any]) -> Robot:
+def _robot(values: Values) -> Robot:
     mechanism = mechanism_from(values)
     declared = (*kinds(), *mechanism.parameters)
     own = {p.name: values[p.name] for p in declared if p.name in values}
     return robot_of(check_all(declared, own, integers_for_doubles=True))
 
 
-def of_its_kind(robot: Robot, function: str) -> Any:
+def of_its_kind(robot: Robot, function: str) -> Function:
     """
     Return a function of the module `identified` in the package of a type of robot.
 
@@ -90,10 +88,10 @@ def of_its_kind(robot: Robot, function: str) -> Any:
         ) from missing
 
 
-def consistent_values(nominal: Nominal, parameters: Array) -> dict[str, Any]:
+def consistent_values(nominal: Nominal, parameters: Array) -> MutableValues:
     """Return the values of `robot.` parameters for consistent parameters (p) of a robot."""
     robot, inertial = nominal.robot, len(nominal.theta)
-    values: dict[str, Any] = of_its_kind(robot, 'values_of')(robot, parameters[:inertial])
+    values: MutableValues = of_its_kind(robot, 'values_of')(robot, parameters[:inertial])
     if any(parameter.name == _FRICTION for parameter in robot.mechanism.parameters):
         viscous, coulomb = np.split(parameters[inertial:], 2)
         values |= {

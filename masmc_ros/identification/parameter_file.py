@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from masmc_ros.identification.identify import Identified, Nominal
 from masmc_ros.identification.nominal import consistent_values
+from masmc_ros.params.declaration import Values
 from masmc_ros.params.node_parameters import declared
 from masmc_ros.params.text import yaml_text
 from masmc_ros.report.files import write_file
@@ -63,7 +63,7 @@ def write_identified(
 
 
 def write_parameters(
-    path: Path, nodes: Mapping[str, Mapping[str, Any]], comments: list[str]
+    path: Path, nodes: Mapping[str, Values], comments: list[str]
 ) -> None:
     """
     Write a ROS 2 parameter file.

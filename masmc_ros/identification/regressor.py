@@ -5,10 +5,10 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from masmc_ros.identification.windows import Weights
-from masmc_ros.numerics.aliases import Array
+from masmc_ros.numerics.aliases import Array, Integers, Records
 from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.field import Field
@@ -81,8 +81,11 @@ def averaged(robot: Robot, position: Array, rates: Array, weights: Weights) -> E
     matrix = np.zeros((count, joints, parameters + len(FRICTIONS) * joints))
     known = np.zeros((count, joints))
     body = record_of(robot, np.zeros(parameters))
-    arrays = (np.ascontiguousarray(part) for part in (position, rates, *weights))
-    _add_samples(body, *arrays, matrix, known)
+    position, rates, mean, slope = map(
+        np.ascontiguousarray, (position, rates, weights.mean, weights.slope)
+    )
+    window = np.ascontiguousarray(weights.window)
+    _add_samples(body, position, rates, window, mean, slope, matrix, known)
     return Equations(matrix, known)
 
 
@@ -103,14 +106,15 @@ def instantaneous(robot: Robot, position: Array, rates: Array, acceleration: Arr
     joints, parameters = rates.shape[1], len(robot.theta)
     matrix = np.zeros((len(position), joints, parameters + len(FRICTIONS) * joints))
     known = np.zeros((len(position), joints))
-    arrays = (np.ascontiguousarray(part) for part in (position, rates, acceleration))
-    _write_states(record_of(robot, np.zeros(parameters)), *arrays, matrix, known)
+    position, rates, acceleration = map(np.ascontiguousarray, (position, rates, acceleration))
+    body = record_of(robot, np.zeros(parameters))
+    _write_states(body, position, rates, acceleration, matrix, known)
     return Equations(matrix, known)
 
 
 @kernel
 def _write_states(
-    body: Any, position: Any, rates: Any, acceleration: Any, matrix: Any, known: Any
+    body: Records, position: Array, rates: Array, acceleration: Array, matrix: Array, known: Array
 ) -> None:
     """Write the equations of motion at states (N), row by row in joint torques."""
     record = lane_of(body[0], 0)
@@ -136,14 +140,14 @@ def _write_states(
 
 @kernel
 def _add_samples(
-    body: Any,
-    position: Any,
-    rates: Any,
-    window: Any,
-    mean: Any,
-    slope: Any,
-    matrix: Any,
-    known: Any,
+    body: Records,
+    position: Array,
+    rates: Array,
+    window: Integers,
+    mean: Array,
+    slope: Array,
+    matrix: Array,
+    known: Array,
 ) -> None:
     """
     Add samples (N) to the equations of their windows, row by row in joint torques.

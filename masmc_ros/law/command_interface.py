@@ -5,11 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 from masmc_ros.errors import InputError
-from masmc_ros.params.declaration import Parameter
+from masmc_ros.params.declaration import Parameter, Values
 from masmc_ros.params.text import yaml_text
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.mechanisms import NAME as MECHANISM
@@ -38,17 +35,17 @@ ENABLE_STAMPED_CMD_VEL = Parameter(
 """Parameter of both; Nav2 nodes use the same name for their topic."""
 
 
-def takes_rates(values: Mapping[str, Any]) -> bool:
+def takes_rates(values: Values) -> bool:
     """Return True if values of the plant or of the controller select commanded velocities."""
     return bool(values[COMMAND_INTERFACE.name] == COMMAND_INTERFACES[VELOCITY])
 
 
-def is_hybrid(values: Mapping[str, Any]) -> bool:
+def is_hybrid(values: Values) -> bool:
     """Return True if values select velocities of the base and torques of the arm."""
     return bool(values[COMMAND_INTERFACE.name] == COMMAND_INTERFACES[HYBRID])
 
 
-def by_velocity(values: Mapping[str, Any], mechanism: Mechanism) -> NDArray[np.bool_]:
+def by_velocity(values: Values, mechanism: Mechanism) -> NDArray[np.bool_]:
     """
     Return for each joint (joints) whether it follows a commanded velocity.
 
@@ -66,7 +63,7 @@ def by_velocity(values: Mapping[str, Any], mechanism: Mechanism) -> NDArray[np.b
     )
 
 
-def check_agreement(plant: Mapping[str, Any], controller: Mapping[str, Any]) -> None:
+def check_agreement(plant: Values, controller: Values) -> None:
     """Raise InputError if plant and controller values select different commands or states."""
     for name in (MECHANISM, COMMAND_INTERFACE.name, ENABLE_STAMPED_CMD_VEL.name):
         if plant[name] != controller[name]:

@@ -12,21 +12,18 @@ its fields, next to its declarations; `test/law/test_field_types.py` compares bo
 from __future__ import annotations
 
 from masmc_ros.numerics.aliases import Axes, Joints, Numbers, Parameters
+from masmc_ros.robot.formula_types import LawMemory, LawSettings
 
 
-class Settings:
+class Settings(LawSettings):
     """Values of the parameters that every law has; choices are indices."""
 
     geometry: Numbers
-    nominal: Parameters
-    period: float
-    takes_rates: int
     group: tuple[int, ...]
     by_velocity: tuple[int, ...]
     k_s1: Axes
     k_s2: Axes
     sigma: Axes
-    gamma: Parameters
     boundary_layer: float
     observer_gain: float
     slip_backoff: float
@@ -34,8 +31,6 @@ class Settings:
     leakage: float
     e_modification: float
     dead_zone: float
-    projection_lower: float
-    projection_upper: float
     freeze_when_saturated: int
     torque_limit: Joints
     torque_rate_limit: Joints
@@ -50,7 +45,7 @@ class Settings:
     compensation_slope: float
 
 
-class Memory:
+class Memory(LawMemory):
     """State that every law has, with that of the reaching terms."""
 
     estimate: Parameters
@@ -61,10 +56,6 @@ class Memory:
     unmodelled: Joints
     felt: Joints
     commanded: Joints
-    drift: Joints
-    drift_predicted: Joints
-    drift_limited: Joints
-    drift_gain: float
     velocity_command: Joints
     disturbance: Axes
     predicted: Axes

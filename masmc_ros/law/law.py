@@ -42,7 +42,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import Any
 
 from masmc_ros.law.declared import Declared
 from masmc_ros.law.fields import Memory, Settings
@@ -98,11 +97,11 @@ class Law:
     """
 
     name: str
-    torque: Callable[..., Any]
+    torque: Callable[..., Joints]
     parameters: tuple[Declared, ...] = ()
     memory: tuple[Field, ...] = ()
-    learn: Callable[..., Any] = _no_learning
-    post_update: Callable[..., Any] = _no_post_update
+    learn: Callable[..., None] = _no_learning
+    post_update: Callable[..., None] = _no_post_update
     summary: str = ''
     source: str = ''
     uses_switching: bool = True

@@ -10,12 +10,11 @@ formulas as the built-in laws and runs in the same loop, but slower.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 from masmc_ros.numerics.aliases import Array
-from masmc_ros.params.declaration import Parameter
+from masmc_ros.params.declaration import Parameter, Values
 
 
 @dataclass(frozen=True)
@@ -24,7 +23,7 @@ class TickInput:
 
     period: float
     """Control period T in s."""
-    gains: Mapping[str, Any]
+    gains: Values
     """Current parameters of the controller by name; arrays for gains per axis."""
     position: Array
     """Positions in the order of joint_states: the base's, then the joints'."""

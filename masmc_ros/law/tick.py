@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from masmc_ros.law.fields import Settings
 from masmc_ros.law.parts import moving_base
@@ -14,14 +14,15 @@ from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import inlined
 from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot import mechanism
+from masmc_ros.robot.formula_types import Lengths, MechanismPosture, MechanismRegressor
 
 
 class Tick(NamedTuple):
     """Inputs of a tick; vectors are tuples, velocities those of `robot.mechanism`."""
 
     period: float  # T in s
-    model: Any  # lengths
-    posture: Any  # of the measured state
+    model: Lengths  # lengths
+    posture: MechanismPosture  # of the measured state
     nominal: Numbers  # theta of the nominal model
     velocity: Numbers  # v
     reference_velocity: Numbers  # v_r
@@ -34,7 +35,7 @@ class Tick(NamedTuple):
     error_derivative: Numbers  # de/dt
     error_rate: Numbers  # task velocity minus the desired one; edot if e = x - x_d
     surface: Numbers  # s = edot + sigma e, reduced if v_r cannot be J^-1 xdot_r
-    regressor: Any  # Y(q, v, v_r, a_r)
+    regressor: MechanismRegressor  # Y(q, v, v_r, a_r)
     command: Numbers  # velocities of a base that follows them
     is_singular: bool  # True if J is close to singular, and v_r and a_r are damped
 
@@ -42,7 +43,7 @@ class Tick(NamedTuple):
 @inlined
 def tick_of(
     settings: Settings,
-    posture: Any,
+    posture: MechanismPosture,
     v: Numbers,
     position: Numbers,
     position_rates: Numbers,

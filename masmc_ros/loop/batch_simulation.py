@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
-from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.law.command_interface import check_agreement, is_hybrid, takes_rates
@@ -38,14 +37,14 @@ from masmc_ros.loop.simulated_robot import (
     write_start,
 )
 from masmc_ros.loop.timing import Timing
+from masmc_ros.numerics.aliases import Array, Records
 from masmc_ros.numerics.record import fill, lanes_of, take_over
+from masmc_ros.params.declaration import MutableValues, Parameter, Values
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.robot import robot_of
 import numpy as np
 from numpy.typing import NDArray
-
-Values = Mapping[str, Any]
 
 BLOCK = 2_000
 """Ticks in memory at a time, with all lanes."""
@@ -194,7 +193,9 @@ class BatchSimulation:
                 break
         return reduced
 
-    def _ticks(self, first: int, count: int) -> tuple[Any, ...]:
+    def _ticks(
+        self, first: int, count: int
+    ) -> tuple[Records, Records, Array, Records, Records, Records, int, bool, Array]:
         """Return the arguments of a kernel for ticks `first` to `first + count - 1`."""
         assert self.timing.last is not None
         return (
@@ -219,7 +220,7 @@ class BatchSimulation:
 @lru_cache(maxsize=16)
 def _law_settings(
     mechanism: Mechanism, law: Law, switching: str, lanes: int, hybrid: bool, compensated: bool
-) -> tuple[records.Records, Any]:
+) -> tuple[records.Records, tuple[tuple[Parameter, str], ...]]:
     """Return empty settings of a checked law, and the parameters to write into them."""
     check(law, mechanism, switching)
     settings = records.law_settings(
@@ -228,7 +229,7 @@ def _law_settings(
     return settings, records.read_by(settings, mechanism)
 
 
-def of_all_lanes(run: Mapping[str, Values]) -> dict[str, Any]:
+def of_all_lanes(run: Mapping[str, Values]) -> MutableValues:
     """Return the values of a run that are equal in all lanes, by NODE.parameter."""
     names = {**_OF_ALL, 'trajectory': tuple(run['trajectory'])}
     return {f'{node}.{name}': run[node][name] for node in names for name in names[node]}

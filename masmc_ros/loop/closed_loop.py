@@ -24,8 +24,6 @@ signals
 
 from __future__ import annotations
 
-from typing import Any
-
 from masmc_ros.law import law
 from masmc_ros.law.parts import delay_compensation
 from masmc_ros.law.parts.command_limits import within_limits
@@ -33,6 +31,7 @@ from masmc_ros.law.parts.delay_compensation import State
 from masmc_ros.law.parts.velocity_estimator import estimate_rates
 from masmc_ros.loop.control import control, control_by_shortcut
 from masmc_ros.loop.reduction import reduce_tick
+from masmc_ros.numerics.aliases import Array, Integers, Numbers, Record, Records
 from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import formula, kernel, kernel_of_threads
 from masmc_ros.numerics.lanes import lane_of
@@ -57,7 +56,12 @@ SINGULAR, NOT_FINITE = 1, 2
 
 @kernel
 def control_tick(
-    settings: Any, memory: Any, signals: Any, position: Any, velocity: Any, reference: Any
+    settings: Records,
+    memory: Records,
+    signals: Records,
+    position: Array,
+    velocity: Array,
+    reference: Array,
 ) -> int:
     """
     Compute one controller tick of one robot.
@@ -91,7 +95,7 @@ def control_tick(
 
 
 @kernel
-def control_ticks(settings: Any, memory: Any, signals: Any, positions: Any) -> None:
+def control_ticks(settings: Records, memory: Records, signals: Records, positions: Array) -> None:
     """
     Compute one controller tick for each of several positions (n); see `masmc laws --cost`.
 
@@ -104,7 +108,7 @@ def control_ticks(settings: Any, memory: Any, signals: Any, positions: Any) -> N
 
 
 @kernel
-def estimate_velocity(settings: Any, memory: Any, signals: Any) -> None:
+def estimate_velocity(settings: Records, memory: Records, signals: Records) -> None:
     """Replace the velocities in `signals` by those of the velocity estimator."""
     gains, state, row = lane_of(settings[0], 0), lane_of(memory[0], 0), lane_of(signals[0], 0)
     estimate_rates(gains, state, row.position, gains.takes_rates == 0)
@@ -114,7 +118,9 @@ def estimate_velocity(settings: Any, memory: Any, signals: Any) -> None:
 
 
 @kernel
-def predict_state(settings: Any, memory: Any, signals: Any, predicted: Any) -> None:
+def predict_state(
+    settings: Records, memory: Records, signals: Records, predicted: Records
+) -> None:
     """
     Compensate latency for a plain-Python law.
 
@@ -133,7 +139,9 @@ def predict_state(settings: Any, memory: Any, signals: Any, predicted: Any) -> N
 
 
 @kernel
-def reduce_torque(settings: Any, memory: Any, signals: Any, predicted: Any) -> None:
+def reduce_torque(
+    settings: Records, memory: Records, signals: Records, predicted: Records
+) -> None:
     """Reduce `raw_torque` of a plain-Python law by the estimated disturbance."""
     gains, row = lane_of(settings[0], 0), lane_of(signals[0], 0)
     posture = mechanism.posture(mechanism.model_of(gains), lane_of(predicted[0], 0).position)
@@ -143,7 +151,7 @@ def reduce_torque(settings: Any, memory: Any, signals: Any, predicted: Any) -> N
 
 
 @kernel
-def limit_torque(settings: Any, memory: Any, signals: Any) -> None:
+def limit_torque(settings: Records, memory: Records, signals: Records) -> None:
     """Limit `raw_torque` of a plain-Python law in magnitude and rate; write `torque`."""
     gains, state, row = lane_of(settings[0], 0), lane_of(memory[0], 0), lane_of(signals[0], 0)
     state.commanded = within_limits(gains, row.raw_torque, state.commanded)
@@ -151,7 +159,7 @@ def limit_torque(settings: Any, memory: Any, signals: Any) -> None:
 
 
 @kernel
-def post_update(settings: Any, memory: Any) -> None:
+def post_update(settings: Records, memory: Records) -> None:
     """Project the adapted parameters after a change of parameters, in all lanes."""
     for lane in range(lane_count(settings[0])):
         law.post_update(lane_of(settings[0], lane), lane_of(memory[0], lane))
@@ -162,7 +170,7 @@ def post_update(settings: Any, memory: Any) -> None:
 
 @kernel
 def plant_tick(
-    plant_settings: Any, plant_memory: Any, delay_line: Any, tick: int, signals: Any
+    plant_settings: Records, plant_memory: Records, delay_line: Array, tick: int, signals: Records
 ) -> bool:
     """
     Advance the plant by one control period under the command in `signals`.
@@ -183,7 +191,7 @@ def plant_tick(
 
 @kernel
 def plant_hold(
-    plant_settings: Any, plant_memory: Any, delay_line: Any, tick: int, signals: Any
+    plant_settings: Records, plant_memory: Records, delay_line: Array, tick: int, signals: Records
 ) -> bool:
     """
     Advance the plant by one control period without a command: the drives hold the joints.
@@ -199,12 +207,12 @@ def plant_hold(
 
 @kernel
 def plant_drive(
-    plant_settings: Any,
-    plant_memory: Any,
-    delay_line: Any,
+    plant_settings: Records,
+    plant_memory: Records,
+    delay_line: Array,
     tick: int,
     step: int,
-    signals: Any,
+    signals: Records,
     hold: bool,
 ) -> None:
     """
@@ -219,7 +227,12 @@ def plant_drive(
 
 @kernel
 def plant_observe(
-    plant_settings: Any, plant_memory: Any, delay_line: Any, tick: int, signals: Any, hold: bool
+    plant_settings: Records,
+    plant_memory: Records,
+    delay_line: Array,
+    tick: int,
+    signals: Records,
+    hold: bool,
 ) -> bool:
     """
     Measure the state of an externally integrated plant at the end of a tick.
@@ -237,7 +250,7 @@ def plant_observe(
 
 @kernel
 def plant_start(
-    plant_settings: Any, plant_memory: Any, delay_line: Any, signals: Any
+    plant_settings: Records, plant_memory: Records, delay_line: Array, signals: Records
 ) -> bool:
     """
     Measure the initial state (tick 0) from positions and joint rates in `plant_memory`.
@@ -250,7 +263,13 @@ def plant_start(
     """
     write_velocity(plant_settings[0], plant_memory[0])
     # A literal 0 would make Numba compile a second specialisation of `observe`.
-    observe(plant_settings[0], plant_memory[0], delay_line, np.int64(0), signals[0])
+    observe(
+        plant_settings[0],
+        plant_memory[0],
+        delay_line,
+        np.int64(0),  # type: ignore[arg-type]  # compiled code has no other whole numbers
+        signals[0],
+    )
     return is_finite(signals[0])
 
 
@@ -258,7 +277,7 @@ def plant_start(
 
 
 @formula
-def is_finite(signals: Any) -> bool:
+def is_finite(signals: Record) -> bool:
     """
     Return True if the true state and the measured state are finite in all lanes.
 
@@ -274,7 +293,7 @@ def is_finite(signals: Any) -> bool:
 
 
 @formula
-def _finite_residual(values: Any) -> float:
+def _finite_residual(values: Numbers) -> float:
     """Return 0.0 if all values are finite, NaN otherwise; branch-free, so it vectorises."""
     return dot(elementwise(_self_difference, values), values)
 
@@ -290,16 +309,16 @@ def _self_difference(value: float) -> float:
 
 @kernel
 def closed_loop(
-    plant_settings: Any,
-    plant_memory: Any,
-    delay_line: Any,
-    settings: Any,
-    memory: Any,
-    signals: Any,
+    plant_settings: Records,
+    plant_memory: Records,
+    delay_line: Array,
+    settings: Records,
+    memory: Records,
+    signals: Records,
     first: int,
     final: bool,
-    reference: Any,
-    history: Any,
+    reference: Array,
+    history: Records,
 ) -> bool:
     """
     Simulate ticks `first` to `first + n - 1` in all lanes and record their signals.
@@ -352,19 +371,19 @@ def closed_loop(
 
 @kernel_of_threads
 def reduced_loop(
-    plant_settings: Any,
-    plant_memory: Any,
-    delay_line: Any,
-    settings: Any,
-    memory: Any,
-    signals: Any,
+    plant_settings: Records,
+    plant_memory: Records,
+    delay_line: Array,
+    settings: Records,
+    memory: Records,
+    signals: Records,
     first: int,
     final: bool,
-    reference: Any,
-    shortcut: Any,
-    reduced: Any,
-    points: Any,
-    settling: Any,
+    reference: Array,
+    shortcut: Records | None,
+    reduced: Records,
+    points: Integers,
+    settling: Array,
     begin: int,
     end: int,
 ) -> None:
@@ -407,7 +426,7 @@ def reduced_loop(
 
 
 @formula
-def write_reference(signals: Any, reference: Any) -> None:
+def write_reference(signals: Record, reference: Array) -> None:
     """Write the reference of one tick (3 * axes) into all lanes of `signals`."""
     desired = to_vector(reference, lane_of(signals, 0).reference)
     for lane in range(lane_count(signals)):

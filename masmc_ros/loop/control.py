@@ -5,8 +5,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from masmc_ros.law import law
 from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.parts import delay_compensation, moving_base, velocity_estimator
@@ -15,12 +13,14 @@ from masmc_ros.law.parts.delay_compensation import State
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.velocity_estimator import estimate_rates, ESTIMATED, note_disturbance
 from masmc_ros.law.tick import tick_of
+from masmc_ros.numerics.aliases import Record
 from masmc_ros.numerics.compiled import formula, inlined
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.numerics.record import copy_lane, copy_to, lane_count
 from masmc_ros.numerics.scalars import minus
 from masmc_ros.numerics.tuples import elementwise, tail, thirds
+from masmc_ros.plant_model.fields import Signals
 from masmc_ros.robot import drift, mechanism
 
 SETTINGS = (
@@ -44,7 +44,7 @@ MEMORY = (
 
 
 @inlined
-def control(settings: Any, memory: Any, signals: Any) -> None:
+def control(settings: Record, memory: Record, signals: Record) -> None:
     """Compute one tick of the law from the state and the reference in `signals`."""
     estimators = _estimate(settings, memory, signals)
     for lane in range(lane_count(settings)):
@@ -54,7 +54,7 @@ def control(settings: Any, memory: Any, signals: Any) -> None:
 
 @inlined
 def control_by_shortcut(
-    shortcut: Any, settings: Any, memory: Any, before: Any, signals: Any
+    shortcut: Record, settings: Record, memory: Record, before: Record, signals: Record
 ) -> None:
     """
     Compute one tick as `control` does, by the shortcut of the reaching term where it applies.
@@ -87,7 +87,7 @@ def control_by_shortcut(
 
 
 @inlined
-def _estimate(settings: Any, memory: Any, signals: Any) -> int:
+def _estimate(settings: Record, memory: Record, signals: Record) -> int:
     """Estimate the velocities in the lanes that need it; return the number of lanes, or 0."""
     lanes, estimated = lane_count(settings), 0
     for lane in range(lanes):
@@ -104,7 +104,7 @@ def _estimate(settings: Any, memory: Any, signals: Any) -> int:
 
 
 @inlined
-def _finish(settings: Any, memory: Any, signals: Any, estimators: int) -> None:
+def _finish(settings: Record, memory: Record, signals: Record, estimators: int) -> None:
     """Pass the disturbance to the estimators, and update the law's memory after the tick."""
     for lane in range(estimators):
         gains, state = lane_of(settings, lane), lane_of(memory, lane)
@@ -117,7 +117,7 @@ def _finish(settings: Any, memory: Any, signals: Any, estimators: int) -> None:
 
 
 @inlined
-def _control(settings: Settings, memory: Memory, signals: Any) -> None:
+def _control(settings: Settings, memory: Memory, signals: Signals) -> None:
     """Compute one tick of one lane."""
     before = memory.commanded
     model = mechanism.model_of(settings)

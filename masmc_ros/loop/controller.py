@@ -5,8 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable
 
 from masmc_ros.errors import InputError
 from masmc_ros.law import registry
@@ -31,6 +30,7 @@ from masmc_ros.loop.signals import inputs, SIGNALS
 from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.compiled import bound
 from masmc_ros.numerics.record import fill, take_over
+from masmc_ros.params.declaration import MutableValues, Values
 from masmc_ros.robot.robot import Robot
 import numpy as np
 
@@ -66,7 +66,7 @@ class Controller:
 
     """
 
-    def __init__(self, robot: Robot, period: float, values: Mapping[str, Any]) -> None:
+    def __init__(self, robot: Robot, period: float, values: Values) -> None:
         """
         Initialise the controller as at the start of a run.
 
@@ -94,10 +94,10 @@ class Controller:
         self.commands_rates = takes_rates(values)
         self.is_hybrid = is_hybrid(values)
         self.by_velocity = by_velocity(values, self.mechanism)
-        self.values: dict[str, Any] = {}
+        self.values: MutableValues = {}
         self._plug_in: PlugInLaw | None = None
         self._law: Law = registry.OF_RATES
-        self._kernel: Callable[..., Any] | None = None
+        self._kernel: Callable[..., int] | None = None
         self.is_compensated = records.is_compensated(values)
         self._stamp_age = 0.0
         self.memory = self._new_memory()
@@ -181,7 +181,7 @@ class Controller:
         if self._plug_in is not None:
             self._plug_in = type(self._plug_in)()
 
-    def change(self, values: Mapping[str, Any]) -> None:
+    def change(self, values: Values) -> None:
         """
         Apply checked values of some parameters from the next tick onwards.
 
@@ -284,7 +284,7 @@ class Controller:
         """Return True if the active law uses the reaching term named by `switching`."""
         return self._law.uses_switching
 
-    def _choose(self, values: Mapping[str, Any]) -> None:
+    def _choose(self, values: Values) -> None:
         """Create the records of a law; fields shared with the previous law keep their values."""
         law = registry.load_for(values['law'], self.mechanism)
         plug_in = None
@@ -323,7 +323,7 @@ class Controller:
     def _new_memory(self) -> records.Records:
         return records.law_memory(self.mechanism, self._law, compensated=self.is_compensated)
 
-    def _apply(self, values: Mapping[str, Any]) -> None:
+    def _apply(self, values: Values) -> None:
         self.values = dict(values)
         records.write_parameters(self.settings, self._read, values)
         if self._plug_in is None and values['projection.lower'] > 0.0:

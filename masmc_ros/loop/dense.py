@@ -5,50 +5,61 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 from masmc_ros.law.plug_in import TickInput
 from masmc_ros.law.tick import tick_of
-from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.aliases import Axes, Columns, Joints, Numbers, Records
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.numerics.scalars import zero
 from masmc_ros.numerics.tuples import elementwise, from_index, tail, thirds, unit
+from masmc_ros.params.declaration import Values
 from masmc_ros.robot import mechanism
+from masmc_ros.robot.formula_types import (
+    Lengths,
+    MechanismInertia,
+    MechanismPosture,
+    MechanismRegressor,
+)
 import numpy as np
 from numpy.typing import NDArray
 
+_Inputs = tuple[Axes, Axes, Joints, Joints, Columns, Columns, Columns, Columns, Columns, bool]
+"""Vectors, matrices by their columns, and True close to a singularity."""
+
 
 @formula
-def _reduced_inertia_column(arguments: tuple[Any, Any, Numbers], j: int) -> Numbers:
+def _reduced_inertia_column(
+    arguments: tuple[Lengths, MechanismInertia, Numbers], j: int
+) -> Numbers:
     model, h, template = arguments
     f = mechanism.inertia_times(model, h, mechanism.motion(model, unit(template, j)))
     return mechanism.joint_torques(model, f)
 
 
 @formula
-def _jacobian_column(arguments: tuple[Any, Any, Numbers], j: int) -> Numbers:
+def _jacobian_column(arguments: tuple[Lengths, MechanismPosture, Numbers], j: int) -> Numbers:
     model, posture, template = arguments
     return mechanism.task_velocity(model, posture, mechanism.motion(model, unit(template, j)))
 
 
 @formula
-def _inverse_column(arguments: tuple[Any, Any, Numbers, Numbers], j: int) -> Numbers:
+def _inverse_column(
+    arguments: tuple[Lengths, MechanismPosture, Numbers, Numbers], j: int
+) -> Numbers:
     model, posture, axes, template = arguments
     v = mechanism.motion_from_task(model, posture, unit(axes, j), template)
     return mechanism.joint_rates(model, v)
 
 
 @formula
-def _regressor_column(arguments: tuple[Any, Any, Numbers], j: int) -> Numbers:
+def _regressor_column(arguments: tuple[Lengths, MechanismRegressor, Numbers], j: int) -> Numbers:
     model, y, template = arguments
     f = mechanism.regressor_times(model, y, unit(template, j))
     return mechanism.joint_torques(model, f)
 
 
 @kernel
-def dense(settings: Any, row: Any) -> Any:
+def dense(settings: Records, row: Records) -> _Inputs:
     """Return the inputs of a plain Python law as vectors and matrix columns, for `tick_input`."""
     gains, signals = lane_of(settings[0], 0), lane_of(row[0], 0)
     position, velocity = signals.position, signals.velocity
@@ -76,7 +87,7 @@ def dense(settings: Any, row: Any) -> Any:
 def tick_input(
     settings: NDArray[np.void],
     signals: NDArray[np.void],
-    gains: Mapping[str, Any],
+    gains: Values,
     estimate: NDArray[np.float64],
     commanded: NDArray[np.float64],
 ) -> TickInput:

@@ -28,13 +28,15 @@ from masmc_ros.law.registry import parameters, REACHING
 from masmc_ros.law.tick import tick_of
 from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import control_tick
+from masmc_ros.numerics.aliases import AnyArray, Record
 from masmc_ros.numerics.compiled import Formula, interpreted, is_interpreted, machine_code
 from masmc_ros.numerics.generated import is_generated
-from masmc_ros.numerics.lanes import Lane
+from masmc_ros.numerics.lanes import Lane, lane_of
 from masmc_ros.robot import mechanism as formulas
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.robot import Robot
 import numpy as np
+from numpy.typing import ArrayLike
 
 _PACKAGE = Path(__file__).parents[1]
 _HIDDEN = _PACKAGE / 'numerics', Path(__file__)
@@ -55,12 +57,12 @@ class _Checked(Lane):
 
     __slots__ = ('_is_writable', '_name')
 
-    def __init__(self, record: Any, name: str, *, is_writable: bool) -> None:
+    def __init__(self, record: Record, name: str, *, is_writable: bool) -> None:
         super().__init__(record, 0)
         object.__setattr__(self, '_name', name)
         object.__setattr__(self, '_is_writable', is_writable)
 
-    def __setattr__(self, name: str, value: Any) -> None:
+    def __setattr__(self, name: str, value: ArrayLike) -> None:
         shape = self._values(name).shape
         if not self._is_writable:
             raise _MistakeError(
@@ -75,7 +77,7 @@ class _Checked(Lane):
             raise _MistakeError(f'{self._name}.{name} = {_text(value)}: expected a whole number')
         super().__setattr__(name, value)
 
-    def _values(self, name: str) -> Any:
+    def _values(self, name: str) -> AnyArray:
         known = [field for field in self.dtype.names if field.isidentifier()]
         if name not in known:
             raise _MistakeError(f'{self._name} has no {name!r}: {suggestion(name, known)}')
@@ -139,7 +141,7 @@ def run_dry(law: Law, mechanism: Mechanism, switching: str) -> None:
         raise InputError(f'law = {law.name}: {_line(error, files, own[0])}') from error
 
 
-def _formulas_of(part: Law | Reaching) -> Iterator[Any]:
+def _formulas_of(part: Law | Reaching) -> Iterator[Formula]:
     return iter(vars(part.formulas).values())
 
 
@@ -165,7 +167,7 @@ def _run(law: Law, mechanism: Mechanism, switching: str) -> None:
     records.write_parameters(settings, records.read_by(settings, mechanism, declared), values)
     memory['estimate'][0, :, 0] = robot.theta
     signals['position'][0, :, 0] = np.linspace(0.1, 0.9, signals['position'].shape[1])
-    row, plain = Lane(signals[0], 0), Lane(settings[0], 0)
+    row, plain = lane_of(signals[0], 0), lane_of(settings[0], 0)
     gains = _Checked(settings[0], 'settings', is_writable=False)
     state = _Checked(memory[0], 'memory', is_writable=True)
     joints, axes = mechanism.sizes['joints'], mechanism.sizes['axes']

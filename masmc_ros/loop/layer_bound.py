@@ -11,9 +11,9 @@ h seconds is stable if h (K_s1 + K_s2 / delta) < 2 lambda_min(H_x): docs/theory/
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from masmc_ros.loop import records
+from masmc_ros.numerics.aliases import Array, Columns, Records
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.numerics.record import fill
@@ -23,7 +23,7 @@ import numpy as np
 
 
 @kernel
-def _task_inertia(plant_settings: Any, signals: Any) -> Any:
+def _task_inertia(plant_settings: Records, signals: Records) -> Columns:
     plant, row = lane_of(plant_settings[0], 0), lane_of(signals[0], 0)
     model = formulas.model_of(plant)
     bend = formulas.posture(model, row.position)
@@ -31,7 +31,7 @@ def _task_inertia(plant_settings: Any, signals: Any) -> Any:
 
 
 def least_task_inertia(
-    mechanism: Mechanism, theta: Any, geometry: Any, position: Any
+    mechanism: Mechanism, theta: Array, geometry: Array, position: Array
 ) -> float:
     """Return lambda_min(H_x) in kg for base parameters, lengths and positions."""
     plant, signals = records.plant_settings(mechanism), records.signals(mechanism)

@@ -14,7 +14,7 @@ thread loads, and the change takes effect between two ticks.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from contextlib import redirect_stdout, suppress
 import json
 import os
@@ -23,7 +23,7 @@ import subprocess
 import sys
 from threading import Lock, Thread
 import time
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from masmc_ros.errors import UserError
 from masmc_ros.law import registry
@@ -45,6 +45,7 @@ from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.dense import dense
 from masmc_ros.loop.dry_run import check
 from masmc_ros.loop.signals import inputs
+from masmc_ros.numerics.aliases import AnyArray, Function
 from masmc_ros.numerics.compiled import (
     bound,
     is_interpreted,
@@ -53,6 +54,7 @@ from masmc_ros.numerics.compiled import (
     is_whole_on_disk,
     machine_code,
 )
+from masmc_ros.params.declaration import MutableValues, Values
 from masmc_ros.params.text import yaml_text
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.mechanisms import mechanism_from
@@ -68,7 +70,9 @@ _NICE_OF_REQUEST, _NICE_OF_PREPARATION = 5, 19
 _LONGEST_REASON = 200
 """Largest number of logged characters of the cause of an error."""
 
-Values = Mapping[str, Any]
+
+_Call = tuple[Function, tuple[AnyArray, ...]]
+"""Kernel with its arguments."""
 
 
 class Code(NamedTuple):
@@ -76,7 +80,7 @@ class Code(NamedTuple):
 
     name: tuple[str, str, bool]
     """Names of the law and of the switching term, empty for a law without it; compensated."""
-    calls: tuple[tuple[Any, tuple[Any, ...]], ...]
+    calls: tuple[_Call, ...]
     """Kernels, each with example arguments of the required types."""
 
     @property
@@ -95,7 +99,7 @@ class Code(NamedTuple):
         return all(is_whole_on_disk(kernel, *arguments) for kernel, arguments in self._to_load)
 
     @property
-    def _to_load(self) -> Iterator[tuple[Any, tuple[Any, ...]]]:
+    def _to_load(self) -> Iterator[_Call]:
         return (call for call in self.calls if not is_loaded(call[0], *call[1]))
 
     def load(self) -> None:
@@ -135,7 +139,7 @@ def code_of_plain_law(
     signals = records.signals(mechanism)
     memory = records.law_memory(mechanism, SMC, compensated=compensated)
     settings = records.law_settings(mechanism, SMC, switching, compensated=compensated)
-    before: tuple[tuple[Any, tuple[Any, ...]], ...] = (
+    before: tuple[_Call, ...] = (
         (estimate_velocity, (settings, memory, signals)),
     )
     if compensated:
@@ -230,7 +234,7 @@ def prepare(mechanism: Mechanism) -> subprocess.Popen[bytes] | None:
 class Effect(NamedTuple):
     """Effect of requested parameter values."""
 
-    values: dict[str, Any]
+    values: MutableValues
     """Values used by the next tick."""
     withdrawn: tuple[str, ...] = ()
     """Names of parameters that keep their values because the change has failed."""
@@ -256,7 +260,7 @@ class LawChange:
         self._controller = controller
         self._known: dict[tuple[str, str, bool], Code] = {}
         self._code_of(controller.values).load()
-        self._wanted: dict[str, Any] = {}
+        self._wanted: MutableValues = {}
         self._making: _Making | None = None
 
     @property

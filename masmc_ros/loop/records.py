@@ -5,12 +5,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 import hashlib
 import inspect
 import math
 from pathlib import Path
-from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.law.command_interface import by_velocity, is_hybrid, takes_rates
@@ -23,7 +22,7 @@ from masmc_ros.loop import control
 from masmc_ros.loop.signals import SIGNALS
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import fill, new_record
-from masmc_ros.params.declaration import Parameter
+from masmc_ros.params.declaration import Parameter, Values
 from masmc_ros.plant_model import tick as plant_tick
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.robot import Robot
@@ -92,7 +91,7 @@ def write_law(
     settings: Records,
     robot: Robot,
     period: float,
-    values: Mapping[str, Any],
+    values: Values,
     lane: int | None = None,
 ) -> None:
     """Write the settings of a law that are not parameters: nominal robot and control period."""
@@ -129,7 +128,7 @@ def _memory_fields(law: Law, *, compensated: bool) -> tuple[Field, ...]:
     return (*further, *control.MEMORY, *law.memory, *terms)
 
 
-def is_compensated(values: Mapping[str, Any]) -> bool:
+def is_compensated(values: Values) -> bool:
     """
     Return True if a controller with these parameter values compensates latency.
 
@@ -177,7 +176,7 @@ def read_by(
 def write_parameters(
     settings: Records,
     read: tuple[tuple[Parameter, str], ...],
-    values: Mapping[str, Any],
+    values: Values,
     lane: int | None = None,
 ) -> None:
     """

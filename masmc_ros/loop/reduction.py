@@ -11,8 +11,8 @@ order. `report.measure.metrics` adds in the same order, so both are bitwise iden
 from __future__ import annotations
 
 import math
-from typing import Any
 
+from masmc_ros.numerics.aliases import Array, Integers, Record
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import lane_count, new_record
@@ -51,7 +51,13 @@ def axes_of_points(mechanism: Mechanism) -> NDArray[np.int64]:
 
 @formula
 def reduce_tick(
-    reduced: Any, signals: Any, points: Any, settling: Any, tick: int, begin: int, end: int
+    reduced: Record,
+    signals: Record,
+    points: Integers,
+    settling: Array,
+    tick: int,
+    begin: int,
+    end: int,
 ) -> None:
     """
     Add the signals of a tick in all lanes.

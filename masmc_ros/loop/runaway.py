@@ -17,10 +17,10 @@ The first two rules need continuous control: they restart after 0.1 s without a 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
 
 from masmc_ros.loop.controller import Controller
+from masmc_ros.numerics.aliases import Array, Integers
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.params.declaration import Parameter
 import numpy as np
@@ -47,17 +47,17 @@ _SPEED_MARGIN = 1.2
 @kernel
 def _look(
     tick: int,
-    torque: Any,
-    limit: Any,
-    error: Any,
-    rates: Any,
-    speed: Any,
-    sides: Any,
-    flips: Any,
-    last_side: Any,
-    limited: Any,
-    reversals: Any,
-    norms: Any,
+    torque: Array,
+    limit: Array,
+    error: Array,
+    rates: Array,
+    speed: Array,
+    sides: Integers,
+    flips: Integers,
+    last_side: Integers,
+    limited: Integers,
+    reversals: Integers,
+    norms: Array,
     short: int,
 ) -> int:
     """
@@ -132,7 +132,7 @@ class RunawayWatch:
         self._norms = np.zeros(window)
         self._limit = np.zeros(joints)
         self._tick = 0
-        self._kernel: Any = None
+        self._kernel: Callable[..., int] | None = None
         self.restart()
         # This call compiles or loads the kernel, which would delay the first tick.
         self.look(np.zeros(joints))

@@ -20,11 +20,9 @@ with its diagonal alone, damping is stable only at a fifth of the gain.
 
 from __future__ import annotations
 
-from typing import Any
-
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES
 from masmc_ros.loop.controller import Controller
-from masmc_ros.numerics.aliases import Array
+from masmc_ros.numerics.aliases import Array, Records
 from masmc_ros.numerics.arrays import to_vector, write_along
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.field import Field
@@ -103,15 +101,15 @@ _FIELDS = (
 
 @kernel
 def _stop_torque(
-    stop: Any,
-    position: Any,
-    velocity: Any,
+    stop: Records,
+    position: Array,
+    velocity: Array,
     elapsed: float,
     gain: float,
     stiffness: float,
     pull: float,
     is_estimated: bool,
-    out: Any,
+    out: Array,
 ) -> bool:
     """Write the torque for a state, `elapsed` s after the one before; False if not finite."""
     body = lane_of(stop[0], 0)

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from decimal import Decimal
 from importlib import import_module
@@ -26,7 +26,7 @@ from masmc_ros.loop.timing import check_count, MOST_TICKS
 from masmc_ros.numerics.compiled import bound
 from masmc_ros.numerics.record import fill
 from masmc_ros.optional import explained
-from masmc_ros.params.declaration import Parameter
+from masmc_ros.params.declaration import Parameter, Values
 from masmc_ros.plant_model.drives import joint_inertias, lag_shares
 from masmc_ros.plant_model.stiction import bristle_gains
 from masmc_ros.robot.declaration import Mechanism
@@ -244,7 +244,7 @@ class SimulatedRobot:
     is_compiled = True
     """True if the kernel of whole runs can compute it."""
 
-    def __init__(self, robot: Robot, period: float, values: Mapping[str, Any]) -> None:
+    def __init__(self, robot: Robot, period: float, values: Values) -> None:
         """
         Initialise the plant in its initial state.
 
@@ -333,7 +333,7 @@ class SimulatedRobot:
             raise diverged(self.tick * self.period)
 
 
-def plant_of(values: Mapping[str, Any], period: float) -> SimulatedRobot:
+def plant_of(values: Values, period: float) -> SimulatedRobot:
     """
     Return the simulated robot of a plant's checked values, in its initial state.
 
@@ -355,7 +355,7 @@ def write_plant(
     settings: records.Records,
     robot: Robot,
     period: float,
-    values: Mapping[str, Any],
+    values: Values,
     lane: int | None = None,
 ) -> None:
     """Write a robot, the control period in s and checked values of `parameters` into a record."""
@@ -429,7 +429,7 @@ def stamp_age(delay: float, period: float) -> float:
     return round(delay / period) * period
 
 
-def _ticks_of_delay(values: Mapping[str, Any], name: str, period: float) -> tuple[int, int]:
+def _ticks_of_delay(values: Values, name: str, period: float) -> tuple[int, int]:
     """Return the largest delay of a parameter in ticks, and by how many it can be shorter."""
     delay, jitter = values[name] / period, values['delay_jitter']
     largest = round(delay * (1.0 + jitter))
@@ -437,7 +437,7 @@ def _ticks_of_delay(values: Mapping[str, Any], name: str, period: float) -> tupl
 
 
 def write_start(
-    memory: records.Records, robot: Robot, values: Mapping[str, Any], lane: int | None = None
+    memory: records.Records, robot: Robot, values: Values, lane: int | None = None
 ) -> None:
     """Write the initial state for checked values of `parameters` into a record."""
     position = robot.start(values['initial_pose'], values['initial_joints'])

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
-from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.law.command_interface import check_agreement
@@ -26,13 +25,12 @@ from masmc_ros.loop.signals import OF_PLANT
 from masmc_ros.loop.simulated_robot import diverged, plant_of
 from masmc_ros.loop.tick_block import Change, TickBlock
 from masmc_ros.loop.timing import Timing
-from masmc_ros.numerics.aliases import Array
+from masmc_ros.numerics.aliases import Array, Records
+from masmc_ros.params.declaration import Values
 from masmc_ros.reference.approach import Approach
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.robot.robot import robot_of
 import numpy as np
-
-Values = Mapping[str, Any]
 
 BLOCK = 20_000
 """Ticks in memory at a time."""
@@ -181,7 +179,7 @@ class Simulation:
             raise diverged(self.timing.time(tick))
 
     def _compiled(
-        self, first: int, followed: Array, signals: Any, _: Array, *, final: bool
+        self, first: int, followed: Array, signals: Records, _: Array, *, final: bool
     ) -> bool:
         """Compute ticks in one call; return True if all commands and positions are finite."""
         plant, controller = self.plant, self.controller
@@ -201,7 +199,7 @@ class Simulation:
         return is_finite
 
     def _interpreted(
-        self, first: int, followed: Array, signals: Any, contact: Array, *, final: bool
+        self, first: int, followed: Array, signals: Records, contact: Array, *, final: bool
     ) -> bool:
         """Compute tick by tick, as the nodes do; return False, because nothing was checked."""
         plant, controller, is_active = self.plant, self.controller, self._is_active

@@ -5,17 +5,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from masmc_ros.loop.signals import SIGNALS
 from masmc_ros.numerics.aliases import Array
+from masmc_ros.params.declaration import Values
 from masmc_ros.robot.robot import Robot
 import numpy as np
 from numpy.typing import NDArray
-
-Values = Mapping[str, Any]
 
 _NAMES = {signal.name for signal in SIGNALS}
 

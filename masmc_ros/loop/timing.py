@@ -5,13 +5,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from decimal import Decimal
-from typing import Any
 
 from masmc_ros.errors import InputError
-from masmc_ros.params.declaration import Parameter
+from masmc_ros.params.declaration import Parameter, Values
 
 TIMING = (
     Parameter(
@@ -58,7 +56,7 @@ class Timing:
     last: int | None
 
     @classmethod
-    def from_values(cls, values: Mapping[str, Any]) -> Timing:
+    def from_values(cls, values: Values) -> Timing:
         """Return the grid of checked parameter values; raise InputError for too many ticks."""
         period, duration = values['control_period'], values['duration']
         rate = 1 / Decimal(period)

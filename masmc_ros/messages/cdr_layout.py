@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cached_property
 import struct
-from typing import Any
 
 from masmc_ros.errors import InputError
 import numpy as np
@@ -74,7 +73,7 @@ class Layout:
         self._bytes = bytearray(ENCAPSULATION if position is None else b'')
         self._mask = bytearray(b'\xff' * len(self._bytes))
         self._start = 0 if position is None else position
-        self._fields: list[tuple[Any, ...]] = []
+        self._fields: list[tuple[str, DTypeLike] | tuple[str, DTypeLike, tuple[int, ...]]] = []
         self._described = 0
 
     def _append(self, data: bytes, mask: int) -> None:

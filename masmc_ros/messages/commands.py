@@ -14,9 +14,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import cached_property
 import re
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from masmc_ros.errors import InputError
+from masmc_ros.messages import deserialised
 from masmc_ros.messages.cdr_layout import (
     checked_stamp,
     HEADER_SIZE,
@@ -158,7 +159,7 @@ class CommandKind:
         label = raw[_LABEL:_LABEL + _label_size(raw) - 1] if any(raw[_DIMENSIONS]) else b''
         return self._stamp(label.decode('ascii', 'replace'))
 
-    def label_stamp(self, message: Any) -> int | None:
+    def label_stamp(self, message: deserialised.Float64MultiArray) -> int | None:
         """
         Return the stamp in ns on the label of a deserialised message, None without a label.
 
@@ -324,7 +325,7 @@ class LabelledCdr:
 
         return bound(read_command, b'', self._layout.forms, self._places, self.data)
 
-    def load_message(self, message: Any) -> None:
+    def load_message(self, message: deserialised.Float64MultiArray) -> None:
         """
         Read a deserialised command of any sender, such as ros2_control, with or without a label.
 

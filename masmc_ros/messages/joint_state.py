@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property, lru_cache
-from typing import Any
 
 from masmc_ros.errors import InputError
+from masmc_ros.messages import deserialised
 from masmc_ros.messages.cdr_layout import checked_stamp, Layout, NANOSECONDS
 from masmc_ros.messages.message import StampedMessage
 from masmc_ros.messages.names import JOINTS
@@ -114,7 +114,7 @@ class JointStateCdr(StampedMessage):
 
     def load_message(
         self,
-        message: Any,
+        message: deserialised.JointState,
         joints: tuple[str, ...] | None = None,
         *,
         unknown_velocity: float | None = None,

@@ -13,8 +13,6 @@ of its `Layout`, `message` the bytes of a message of that layout.
 
 from __future__ import annotations
 
-from typing import Any
-
 from masmc_ros.messages.cdr_layout import (
     END_OF_TIME,
     HEADER_SIZE,
@@ -22,6 +20,7 @@ from masmc_ros.messages.cdr_layout import (
     NANOSECONDS,
     UNREAD,
 )
+from masmc_ros.numerics.aliases import Array, Bytes, Integers
 from masmc_ros.numerics.compiled import formula, kernel
 import numpy as np
 
@@ -29,7 +28,7 @@ _POINT, _ZERO = ord('.'), ord('0')
 
 
 @formula
-def is_like(raw: Any, forms: Any) -> bool:
+def is_like(raw: Bytes, forms: Bytes) -> bool:
     """Return True if bytes are a message of a layout's `forms`; padding bytes are ignored."""
     template, constant = forms[0], forms[1]
     if len(raw) != len(template):
@@ -41,7 +40,7 @@ def is_like(raw: Any, forms: Any) -> bool:
 
 
 @formula
-def copy_message(raw: Any, forms: Any, message: Any) -> None:
+def copy_message(raw: Bytes, forms: Bytes, message: Bytes) -> None:
     """Write the varying bytes of a message into another, with zeros for padding bytes."""
     template, varies = forms[0], forms[2]
     for i in range(len(template)):
@@ -49,7 +48,7 @@ def copy_message(raw: Any, forms: Any, message: Any) -> None:
 
 
 @formula
-def uint32_at(raw: Any, place: int) -> Any:
+def uint32_at(raw: Bytes, place: int) -> np.int64:
     """Return the little-endian uint32 from byte `place` on."""
     number = np.int64(0)
     for i in range(4):
@@ -58,13 +57,13 @@ def uint32_at(raw: Any, place: int) -> Any:
 
 
 @formula
-def stamp_at(raw: Any, place: int) -> Any:
+def stamp_at(raw: Bytes, place: int) -> np.int64:
     """Return the stamp in ns of a builtin_interfaces/Time from byte `place` on."""
     return uint32_at(raw, place) * NANOSECONDS + uint32_at(raw, place + 4)
 
 
 @formula
-def are_finite(raw: Any, first: int, count: int) -> bool:
+def are_finite(raw: Bytes, first: int, count: int) -> bool:
     """Return True if the float64 numbers from byte `first` on are finite, by their exponents."""
     for i in range(count):
         high, low = raw[first + 8 * i + 7], raw[first + 8 * i + 6]
@@ -74,7 +73,7 @@ def are_finite(raw: Any, first: int, count: int) -> bool:
 
 
 @kernel
-def load(raw: Any, forms: Any, message: Any) -> bool:
+def load(raw: Bytes, forms: Bytes, message: Bytes) -> bool:
     """Copy a message of a layout's `forms`; False for a message of another layout."""
     if not is_like(raw, forms):
         return False
@@ -83,7 +82,7 @@ def load(raw: Any, forms: Any, message: Any) -> bool:
 
 
 @kernel
-def read_state(raw: Any, forms: Any, starts: Any, message: Any) -> int:
+def read_state(raw: Bytes, forms: Bytes, starts: Integers, message: Bytes) -> int | np.int64:
     """Read a joint state whose fields start at bytes `starts`; return its stamp or UNREAD."""
     joints = (len(message) - starts[2]) // 8
     if not (
@@ -101,7 +100,7 @@ def read_state(raw: Any, forms: Any, starts: Any, message: Any) -> int:
 
 @kernel
 def write_state(
-    stamp: int, position: Any, velocity: Any, effort: Any, places: Any, words: Any
+    stamp: int, position: Array, velocity: Array, effort: Array, places: Integers, words: Array
 ) -> None:
     """Write a joint state; `words` is the message as float64, `places` the fields' first words."""
     for i in range(len(position)):
@@ -114,7 +113,9 @@ def write_state(
 
 
 @kernel
-def read_command(raw: Any, forms: Any, places: Any, numbers: Any) -> tuple[Any, bool]:
+def read_command(
+    raw: Bytes, forms: Bytes, places: Integers, numbers: Array
+) -> tuple[int | np.int64, bool]:
     """
     Read a command; return its stamp in ns, or UNREAD, and True for a void command.
 
@@ -148,7 +149,7 @@ def read_command(raw: Any, forms: Any, places: Any, numbers: Any) -> tuple[Any, 
 
 
 @kernel
-def write_command(stamp: int, numbers: Any, places: Any, message: Any) -> None:
+def write_command(stamp: int, numbers: Array, places: Integers, message: Bytes) -> None:
     """Write the stamp and the numbers of a command; `places` as for `read_command`."""
     remaining = stamp
     for k in range(1, places[1] - places[0] + 1):
@@ -163,7 +164,7 @@ def write_command(stamp: int, numbers: Any, places: Any, message: Any) -> None:
 
 
 @kernel
-def write_telemetry(stamp: int, values: Any, numbers: Any) -> None:
+def write_telemetry(stamp: int, values: Array, numbers: Array) -> None:
     """Write the stamp in ns and the values of telemetry."""
     numbers[0], numbers[1] = stamp // NANOSECONDS, stamp % NANOSECONDS
     for i in range(len(values)):

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 from masmc_ros.errors import InputError
 from masmc_ros.messages.cdr_layout import checked_stamp
 from masmc_ros.messages.string_message import text_of
+from masmc_ros.params.declaration import MutableValues
 
 _INTEGERS = range(-(2**63), 2**63)
 """Range of integer parameters in ROS 2."""
@@ -40,7 +41,7 @@ class ParameterRecord(NamedTuple):
     node: str
     tick: int
     stamp: int
-    parameters: dict[str, Any]
+    parameters: MutableValues
     changed: tuple[str, ...]
     event: str = ''
 
@@ -50,7 +51,7 @@ class ParameterRecord(NamedTuple):
         return not self.changed and not self.event
 
     @property
-    def changes(self) -> dict[str, Any]:
+    def changes(self) -> MutableValues:
         """Return the new values by name."""
         return {name: self.parameters[name] for name in self.changed}
 
@@ -94,7 +95,7 @@ def record_of(raw: bytes) -> ParameterRecord:
     return read_record(text)
 
 
-def parameter_values(content: Any) -> dict[str, Any]:
+def parameter_values(content: Any) -> MutableValues:
     """
     Return the `parameters` of an object read from JSON, by name.
 
@@ -109,7 +110,7 @@ def parameter_values(content: Any) -> dict[str, Any]:
     return values
 
 
-def _check_scalar(value: Any) -> None:
+def _check_scalar(value: object) -> None:
     if isinstance(value, str):
         value.encode()
     elif isinstance(value, int):

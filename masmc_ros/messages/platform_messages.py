@@ -6,8 +6,8 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import Any
 
+from masmc_ros.messages import deserialised
 from masmc_ros.messages.cdr_layout import Layout, NANOSECONDS
 from masmc_ros.messages.message import Message, StampedMessage
 from masmc_ros.numerics.aliases import Array
@@ -33,7 +33,7 @@ class TimeCdr(StampedMessage):
         super().__init__(time_layout())
 
 
-def twist_numbers(twist: Any) -> list[float]:
+def twist_numbers(twist: TwistCdr | TwistStampedCdr | deserialised.Twist) -> list[float]:
     """
     Return the six numbers of a twist, linear (m/s) and angular (rad/s), each x, y, z.
 
@@ -44,7 +44,7 @@ def twist_numbers(twist: Any) -> list[float]:
     return [getattr(part, c) for part in (twist.linear, twist.angular) for c in 'xyz']
 
 
-def odometry_numbers(odometry: Any) -> tuple[int, Array, Array]:
+def odometry_numbers(odometry: deserialised.Odometry) -> tuple[int, Array, Array]:
     """
     Return the stamp in ns, pose and twist of a nav_msgs/Odometry of any deserialiser.
 

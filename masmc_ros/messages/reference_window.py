@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 from masmc_ros.errors import InputError
+from masmc_ros.messages import deserialised
 from masmc_ros.messages.cdr_layout import Layout, NANOSECONDS
 from masmc_ros.messages.multi_array import multi_array_layout
 from masmc_ros.messages.names import DERIVATIVES, TASK_AXES
@@ -103,7 +103,9 @@ class ReferenceWindow:
         return _window(np.frombuffer(raw, np.float64, offset=start).copy(), axes)
 
     @staticmethod
-    def from_message(message: Any, axes: int = TASK_AXES) -> ReferenceWindow:
+    def from_message(
+        message: deserialised.Float64MultiArray, axes: int = TASK_AXES
+    ) -> ReferenceWindow:
         """
         Read a deserialised window or set-point of any sender.
 

@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache
 import struct
-from typing import Any
 
 from masmc_ros.errors import InputError
+from masmc_ros.messages import deserialised
 from masmc_ros.messages.cdr_layout import END_OF_TIME, Layout, Messages, NANOSECONDS
 from masmc_ros.messages.message import Message
 from masmc_ros.messages.multi_array import multi_array_layout
@@ -109,7 +109,7 @@ class TelemetryCdr(Message):
         """Return the stamp in ns of a message of this layout; InputError if it is invalid."""
         return _stamp(*_STAMP_PAIR.unpack_from(raw, self._stamp_offset))
 
-    def load_message(self, message: Any) -> None:
+    def load_message(self, message: deserialised.Float64MultiArray) -> None:
         """
         Read a deserialised telemetry message with any labels.
 

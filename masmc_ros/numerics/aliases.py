@@ -5,6 +5,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any, TypeVar
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -32,3 +35,27 @@ Array = NDArray[np.float64]
 
 Stamps = NDArray[np.int64]
 """Array of times in nanoseconds."""
+
+Integers = NDArray[np.int64]
+"""Array of whole numbers with any shape."""
+
+Bytes = NDArray[np.uint8]
+"""Bytes of a message."""
+
+Flags = NDArray[np.bool_]
+"""Array of truth values with any shape."""
+
+AnyArray = NDArray[np.generic]
+"""Array whose numbers can have any type."""
+
+Function = Callable[..., Any]
+"""Function or formula with any arguments."""
+
+AnyFunction = TypeVar('AnyFunction', bound=Function)
+"""Function whose decorator keeps its type."""
+
+Record = np.void
+"""One record with all of its lanes, an entry of `Records` (`numerics.record`)."""
+
+Records = NDArray[np.void]
+"""Array of records; settings, memory and signals are arrays of one record."""

@@ -9,10 +9,18 @@ Indices must not be negative and must be within the array; compiled code does no
 
 from __future__ import annotations
 
-from typing import Any
+from typing import cast, TypeVar
 
-from masmc_ros.numerics.aliases import Numbers
-from masmc_ros.numerics.generated import Compiler, generated
+from masmc_ros.numerics.aliases import Array, Function, Numbers
+from masmc_ros.numerics.generated import (
+    Compiler,
+    generated,
+    IrValue,
+    IrValues,
+    Type,
+    Types,
+    TypingContext,
+)
 from masmc_ros.numerics.scratch import array_over, CACHE_LINE
 from masmc_ros.numerics.tuples import FLOAT, is_array, MATRIX, VECTOR
 from numba import types
@@ -20,47 +28,50 @@ from numba.core import cgutils
 from numba.core.imputils import impl_ret_borrowed
 import numpy as np
 
+_Vector = TypeVar('_Vector', bound=Numbers)
+"""Vector with a known number of entries."""
 
-def to_vector(array: Any, as_many: Numbers) -> Any:
+
+def to_vector(array: Array, as_many: Numbers) -> Numbers:
     """Return the first entries of an array as a vector of the same kind and length as another."""
     count = len(as_many)
     return tuple(array[:count]) if isinstance(as_many, tuple) else array[:count].copy()
 
 
-def read_part(array: Any, row: int, first: int, as_many: Numbers) -> Any:
+def read_part(array: Array, row: int, first: int, as_many: _Vector) -> _Vector:
     """Return the entries (row, first ...) of an array, as many as a tuple has."""
-    return tuple(array[row, first + i] for i in range(len(as_many)))
+    return cast(_Vector, tuple(array[row, first + i] for i in range(len(as_many))))
 
 
-def write_part(array: Any, row: int, first: int, values: Numbers) -> None:
+def write_part(array: Array, row: int, first: int, values: Numbers) -> None:
     """Write a tuple into the entries (row, first ...) of an array."""
     for i in range(len(values)):
         array[row, first + i] = values[i]
 
 
-def read_down(array: Any, first: int, column: int, as_many: Numbers) -> Any:
+def read_down(array: Array, first: int, column: int, as_many: _Vector) -> _Vector:
     """Return the entries (first ..., column) of an array, as many as a tuple has."""
-    return tuple(array[first + i, column] for i in range(len(as_many)))
+    return cast(_Vector, tuple(array[first + i, column] for i in range(len(as_many))))
 
 
-def read_along(array: Any, first: int, as_many: Numbers) -> Any:
+def read_along(array: Array, first: int, as_many: _Vector) -> _Vector:
     """Return the entries (first ...) of an array, as many as a tuple has."""
-    return tuple(array[first + i] for i in range(len(as_many)))
+    return cast(_Vector, tuple(array[first + i] for i in range(len(as_many))))
 
 
-def write_along(array: Any, first: int, values: Numbers) -> None:
+def write_along(array: Array, first: int, values: Numbers) -> None:
     """Write a tuple into the entries (first ...) of an array."""
     for i in range(len(values)):
         array[first + i] = values[i]
 
 
-def write_down(array: Any, first: int, column: int, values: Numbers) -> None:
+def write_down(array: Array, first: int, column: int, values: Numbers) -> None:
     """Write a tuple into the entries (first ..., column) of an array."""
     for i in range(len(values)):
         array[first + i, column] = values[i]
 
 
-def array_of(values: Numbers) -> Any:
+def array_of(values: Numbers) -> Array:
     """
     Return a vector as an array, which is valid until the calling function ends.
 
@@ -69,7 +80,9 @@ def array_of(values: Numbers) -> Any:
     return np.array(values) if isinstance(values, tuple) else values
 
 
-def split_buffer(block: Any, rows: int, columns: int, others: int, wide: int) -> tuple[Any, Any]:
+def split_buffer(
+    block: Array, rows: int, columns: int, others: int, wide: int
+) -> tuple[Array, Array]:
     """Return two arrays, (rows, columns) and (others, wide), as views of consecutive parts."""
     count = rows * columns
     return (
@@ -78,13 +91,13 @@ def split_buffer(block: Any, rows: int, columns: int, others: int, wide: int) ->
     )
 
 
-def _tuple_of(context: Any, array: Any, *others: Any) -> types.Type:
+def _tuple_of(context: TypingContext, array: Type, *others: Type) -> types.Type:
     return types.UniTuple(array.dtype, len(others[-1]))
 
 
 def _places(
-    compiler: Compiler, kinds: Any, values: Any, which: int, count: int
-) -> list[Any]:
+    compiler: Compiler, kinds: Types, values: IrValues, which: int, count: int
+) -> list[IrValue]:
     """Return pointers to consecutive entries of an array; index number `which` increases."""
     array = compiler.context.make_array(kinds[0])(compiler.context, compiler.builder, values[0])
     start = [
@@ -102,10 +115,10 @@ def _places(
     return pointers
 
 
-def _read(which: int, indices: int) -> Any:
+def _read(which: int, indices: int) -> Function:
     """Return the code generator that reads a tuple; index number `which` increases."""
 
-    def write(compiler: Compiler, kinds: Any, values: Any) -> Any:
+    def write(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
         places = _places(
             compiler, kinds[:1 + indices], values[:1 + indices], which, len(compiler.result)
         )
@@ -114,10 +127,10 @@ def _read(which: int, indices: int) -> Any:
     return write
 
 
-def _written(which: int, indices: int) -> Any:
+def _written(which: int, indices: int) -> Function:
     """Return the code generator that writes a tuple; index number `which` increases."""
 
-    def write(compiler: Compiler, kinds: Any, values: Any) -> Any:
+    def write(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
         value_type = kinds[1 + indices]
         count = len(value_type)
         places = _places(compiler, kinds[:1 + indices], values[:1 + indices], which, count)
@@ -137,14 +150,14 @@ generated(write_down, lambda context, *kinds: types.none)(_written(0, 2))
 generated(write_along, lambda context, *kinds: types.none)(_written(0, 1))
 
 
-def _type_of_vector(context: Any, array: Any, as_many: Any) -> types.Type:
+def _type_of_vector(context: TypingContext, array: Type, as_many: Type) -> Type:
     if isinstance(as_many, types.Array):
         return as_many
     return types.UniTuple(array.dtype, len(as_many))
 
 
 @generated(to_vector, _type_of_vector)
-def _to_vector(compiler: Compiler, kinds: Any, values: Any) -> Any:
+def _to_vector(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     if is_array(kinds[1]):
         return compiler.run(_copy_of_first, kinds, values)
     first = compiler.context.get_constant(types.intp, 0)
@@ -154,7 +167,7 @@ def _to_vector(compiler: Compiler, kinds: Any, values: Any) -> Any:
     return compiler.tuple_of([compiler.builder.load(place) for place in places])
 
 
-def _copy_of_first(array: Any, as_many: Any) -> Any:
+def _copy_of_first(array: Array, as_many: Array) -> Array:
     out = np.empty(len(as_many))
     for i in range(len(out)):
         out[i] = array[i]
@@ -162,7 +175,7 @@ def _copy_of_first(array: Any, as_many: Any) -> Any:
 
 
 @generated(array_of, lambda context, values: VECTOR)
-def _array_of(compiler: Compiler, kinds: Any, values: Any) -> Any:
+def _array_of(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     if is_array(kinds[0]):
         return impl_ret_borrowed(compiler.context, compiler.builder, kinds[0], values[0])
     entries = compiler.entries(values[0], kinds[0])
@@ -177,7 +190,7 @@ def _array_of(compiler: Compiler, kinds: Any, values: Any) -> Any:
 
 
 @generated(split_buffer, lambda context, *kinds: types.UniTuple(MATRIX, 2))
-def _split_buffer(compiler: Compiler, kinds: Any, values: Any) -> Any:
+def _split_buffer(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     build, context = compiler.builder, compiler.context
     block = context.make_array(kinds[0])(context, build, values[0])
     lengths = [

@@ -6,10 +6,9 @@
 from __future__ import annotations
 
 import struct
-from typing import Any
 
 from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.generated import Compiler, generated
+from masmc_ros.numerics.generated import Compiler, generated, IrValue, IrValues, Types
 from numba import types
 
 _WORD = 0xFFFFFFFFFFFFFFFF
@@ -22,7 +21,7 @@ def bits_of(value: float) -> int:
 
 
 @generated(bits_of, lambda context, value: types.int64)
-def _bits_of(compiler: Compiler, kinds: Any, values: Any) -> Any:
+def _bits_of(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     value = compiler.cast(values[0], kinds[0], types.float64)
     return compiler.builder.bitcast(value, compiler.context.get_value_type(types.int64))
 
@@ -33,7 +32,7 @@ def of_bits(bits: int) -> float:
 
 
 @generated(of_bits, lambda context, bits: types.float64)
-def _of_bits(compiler: Compiler, kinds: Any, values: Any) -> Any:
+def _of_bits(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     bits = compiler.cast(values[0], kinds[0], types.int64)
     return compiler.builder.bitcast(bits, compiler.context.get_value_type(types.float64))
 

@@ -17,7 +17,6 @@ import os
 from pathlib import Path
 import pickle
 import tempfile
-from typing import Any
 
 from numba import __version__ as numba_version
 from numba.core.serialize import dumps
@@ -33,11 +32,14 @@ _DAMAGED = (
 )
 """Errors of unpickling a damaged file, or one with removed names."""
 
+_Key = tuple[object, ...]
+"""Key of Numba: types of the arguments, and the machine."""
+
 
 class CodeFiles:
     """Code files of one function, in place of Numba's `IndexDataCacheFile`."""
 
-    def __init__(self, folder: str, name: str, stamp: Any) -> None:
+    def __init__(self, folder: str, name: str, stamp: object) -> None:
         """
         Initialise the files of a function.
 
@@ -54,7 +56,7 @@ class CodeFiles:
         self._folder, self._name = Path(folder), name
         self._made_of = numba_version, stamp
 
-    def load(self, key: Any) -> Any:
+    def load(self, key: _Key) -> object:
         """Return the data saved under a key; None if there is none or the file is damaged."""
         try:
             made_of, signature, data = pickle.loads(self._path(key).read_bytes())
@@ -62,11 +64,11 @@ class CodeFiles:
             return None
         return data if made_of == self._made_of and signature == key else None
 
-    def has(self, key: Any) -> bool:
+    def has(self, key: _Key) -> bool:
         """Return True if there is a file for a key, whole or damaged."""
         return self._path(key).exists()
 
-    def save(self, key: Any, data: Any) -> None:
+    def save(self, key: _Key, data: object) -> None:
         """Save data under a key."""
         content = dumps((self._made_of, key, data))
         # A concurrent reader gets the previous file or this one, both complete.
@@ -84,6 +86,6 @@ class CodeFiles:
         for path in self._folder.glob(f'{self._name}.*.nbc'):
             path.unlink(missing_ok=True)
 
-    def _path(self, key: Any) -> Path:
+    def _path(self, key: _Key) -> Path:
         signature = hashlib.sha256(str(key).encode()).hexdigest()
         return self._folder / f'{self._name}.{signature[:32]}.nbc'

@@ -18,7 +18,7 @@ fused multiply-add, because runs are bitwise identical on every machine.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache, cached_property, update_wrapper
 import gc
@@ -31,6 +31,7 @@ from types import FunctionType
 from typing import Any, cast
 
 from masmc_ros.errors import UserError
+from masmc_ros.numerics.aliases import AnyFunction, Function
 from masmc_ros.numerics.code_files import CodeFiles
 from masmc_ros.numerics.compiler_errors import COMPILER_ERRORS, explained
 from masmc_ros.user_folder import runtime_folder
@@ -38,6 +39,8 @@ from numba import __version__ as numba_version
 from numba import config, njit, typeof
 from numba.core import event
 from numba.core.codegen import ll
+
+_settings: Any = config  # its attributes are made when it is imported
 
 OLDEST_NUMBA = (0, 58)
 """Version of Numba in Ubuntu 24.04; setup.py requires the same."""
@@ -83,7 +86,7 @@ class Formula:
     Compiling the wrapper takes longer than compiling most formulas, and Python calls only few.
     """
 
-    def __init__(self, function: Callable[..., Any]) -> None:
+    def __init__(self, function: Function) -> None:
         """Initialise the formula of a function in plain Python."""
         update_wrapper(self, function)
         self.py_func = function
@@ -99,16 +102,16 @@ class Formula:
         return self._compiled._numba_type_
 
     @cached_property
-    def _of_python(self) -> Callable[..., Any]:
-        own: Any = self.py_func
+    def _of_python(self) -> Function:
+        own = cast(FunctionType, self.py_func)
         # By another name, because Numba keeps machine code on disk by names.
         twin = FunctionType(
             own.__code__, own.__globals__, own.__name__, own.__defaults__, own.__closure__
         )
         twin.__module__, twin.__qualname__ = own.__module__, f'{own.__qualname__}_of_python'
-        return cast(Callable[..., Any], _compile(twin, forceinline=True))
+        return cast(Function, _compile(twin, forceinline=True))
 
-    def __call__(self, *arguments: Any) -> Any:
+    def __call__(self, *arguments: object) -> Any:
         """Call it from Python."""
         return (self.py_func if _is_interpreting() else self._of_python)(*arguments)
 
@@ -116,12 +119,12 @@ class Formula:
 class Kernel(Formula):
     """Compiled function that Python calls; the attributes are those of Numba's dispatcher."""
 
-    def __init__(self, function: Callable[..., Any], compiled: Any) -> None:
+    def __init__(self, function: Function, compiled: Function) -> None:
         """Initialise the kernel of a function in plain Python."""
         super().__init__(function)
         self.__dict__['_compiled'] = self.__dict__['_of_python'] = compiled
 
-    def __call__(self, *arguments: Any) -> Any:
+    def __call__(self, *arguments: object) -> Any:
         """Call it from Python; raise InputError with one line if it cannot be compiled."""
         try:
             return super().__call__(*arguments)
@@ -151,31 +154,30 @@ def interpreted() -> Iterator[None]:
         _thread.is_interpreting = before
 
 
-def formula(function: Callable[..., Any]) -> Any:
+def formula(function: AnyFunction) -> AnyFunction:
     """Compile a pure scalar function, inlined where it is called from compiled code."""
-    settings: Any = config  # its attributes are made when it is imported
-    return function if settings.DISABLE_JIT else Formula(function)
+    return function if _settings.DISABLE_JIT else cast(AnyFunction, Formula(function))
 
 
-def inlined(function: Callable[..., Any]) -> Any:
+def inlined(function: AnyFunction) -> AnyFunction:
     """
     Compile a function such that its statements replace its calls in compiled functions.
 
     The compiler optimises a formula alone and again in each caller that inlines it. This takes
     most of the compile time if the function has few callers and calls most others.
     """
-    settings: Any = config  # its attributes are made when it is imported
-    return function if settings.DISABLE_JIT else Kernel(function, njit(inline='always')(function))
+    if _settings.DISABLE_JIT:
+        return function
+    return cast(AnyFunction, Kernel(function, njit(inline='always')(function)))
 
 
-def kernel(function: Callable[..., Any]) -> Any:
+def kernel(function: AnyFunction) -> AnyFunction:
     """Compile a function over arrays, and store its compiled code on the disk."""
     compiled = _compile(function)
-    settings: Any = config  # its attributes are made when it is imported
-    return compiled if settings.DISABLE_JIT else Kernel(function, compiled)
+    return cast(AnyFunction, compiled if _settings.DISABLE_JIT else Kernel(function, compiled))
 
 
-def kernel_of_threads(function: Callable[..., Any]) -> Any:
+def kernel_of_threads(function: AnyFunction) -> AnyFunction:
     """
     Compile a kernel that runs without Python's lock, so threads compute at the same time.
 
@@ -184,12 +186,12 @@ def kernel_of_threads(function: Callable[..., Any]) -> Any:
     return _compile(function, nogil=True)
 
 
-def is_interpreted(kernel: Any) -> bool:
+def is_interpreted(kernel: object) -> bool:
     """Return True if formulas run as Python, without a compiler."""
     return not hasattr(kernel, 'compile')
 
 
-def bound(kernel: Any, *arguments: Any) -> Callable[..., Any]:
+def bound(kernel: Function, *arguments: object) -> Function:
     """
     Return the compiled code of a kernel for the types of these arguments.
 
@@ -199,53 +201,56 @@ def bound(kernel: Any, *arguments: Any) -> Callable[..., Any]:
     takes longer than a control tick.
     """
     if is_interpreted(kernel):
-        return cast(Callable[..., Any], kernel)
+        return kernel
     types = tuple(map(typeof, arguments))
     # Loaded code is used without Numba's lock, which another thread may hold for a long time.
-    loaded = kernel.overloads.get(types)
+    loaded = cast(Kernel, kernel).overloads.get(types)
     try:
-        code = kernel.compile(types) if loaded is None else loaded.entry_point
+        code = cast(Kernel, kernel).compile(types) if loaded is None else loaded.entry_point
     except COMPILER_ERRORS as error:
         raise explained(error) from error
-    return cast(Callable[..., Any], code)
+    return cast(Function, code)
 
 
-def is_loaded(kernel: Any, *arguments: Any) -> bool:
+def is_loaded(kernel: Function, *arguments: object) -> bool:
     """Return True if this process has the compiled code for the types of these arguments."""
-    return is_interpreted(kernel) or tuple(map(typeof, arguments)) in kernel.overloads
+    if is_interpreted(kernel):
+        return True
+    return tuple(map(typeof, arguments)) in cast(Kernel, kernel).overloads
 
 
-def is_on_disk(kernel: Any, *arguments: Any) -> bool:
+def is_on_disk(kernel: Function, *arguments: object) -> bool:
     """Return True if the disk has a file of the compiled code; it may be damaged."""
     return _code_files(kernel).has(_code_key(kernel, arguments))
 
 
-def is_whole_on_disk(kernel: Any, *arguments: Any) -> bool:
+def is_whole_on_disk(kernel: Function, *arguments: object) -> bool:
     """Return True if the disk has the compiled code; reads the file to check it."""
     return _code_files(kernel).load(_code_key(kernel, arguments)) is not None
 
 
-def _code_files(kernel: Any) -> CodeFiles:
-    files: CodeFiles = kernel._cache._cache_file
+def _code_files(kernel: Function) -> CodeFiles:
+    files: CodeFiles = cast(Kernel, kernel)._cache._cache_file
     return files
 
 
-def _code_key(kernel: Any, arguments: tuple[Any, ...]) -> Any:
+def _code_key(kernel: Function, arguments: tuple[object, ...]) -> tuple[object, ...]:
     """Return the key under which Numba keeps the code for the types of arguments."""
-    return kernel._cache._index_key(tuple(map(typeof, arguments)), kernel.targetctx.codegen())
+    dispatcher = cast(Kernel, kernel)
+    codegen = dispatcher.targetctx.codegen()
+    return dispatcher._cache._index_key(tuple(map(typeof, arguments)), codegen)
 
 
-def _compile(function: Callable[..., Any], **options: Any) -> Any:
+def _compile(function: Function, **options: Any) -> Any:
     # IEEE division (error_model) instead of a branch that raises ZeroDivisionError.
-    settings: Any = config  # its attributes are made when it is imported
-    previous, settings.CACHE_DIR = settings.CACHE_DIR, str(_cache_directory())
+    previous, _settings.CACHE_DIR = _settings.CACHE_DIR, str(_cache_directory())
     try:
         # No caller uses C's conventions, and a wrapper for them takes long to compile.
         options = {'error_model': 'numpy', 'cache': True, 'no_cfunc_wrapper': True, **options}
         compiled = njit(**options)(function)
     finally:
-        settings.CACHE_DIR = previous
-    if not settings.DISABLE_JIT:
+        _settings.CACHE_DIR = previous
+    if not _settings.DISABLE_JIT:
         cache = compiled._cache
         cache._cache_file = CodeFiles(
             cache.cache_path, cache._impl.filename_base, cache._impl.locator.get_source_stamp()

@@ -14,67 +14,77 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import wraps
-from typing import Any
+from typing import Any, cast
 
-from masmc_ros.numerics.generated import called, Compiler, generated
+from masmc_ros.numerics.aliases import AnyFunction, Function
+from masmc_ros.numerics.generated import (
+    called,
+    Compiler,
+    generated,
+    IrValue,
+    IrValues,
+    Type,
+    Types,
+    TypingContext,
+)
 from masmc_ros.numerics.lanes import LaneType
 from masmc_ros.numerics.record import tag_of
 from numba import types
 
-Finder = Callable[[Any], Any]
+Finder = Callable[[Any], object]
 
 
-def by_class(find: Callable[[type], Any]) -> Finder:
+def by_class(find: Callable[[type], object]) -> Finder:
     """Return a selection by the class of a named tuple; `find` maps a class to its function."""
 
-    def choose(first: Any) -> Any:
+    def choose(first: Any) -> object:
         is_type = isinstance(first, types.Type)
         return find(first.instance_class if is_type else type(first))
 
     return choose
 
 
-def by_tag(name: str, find: Callable[[str], Any]) -> Finder:
+def by_tag(name: str, find: Callable[[str], object]) -> Finder:
     """Return a selection by the tag `name` of a lane's record; `find` maps it to a function."""
 
-    def choose(first: Any) -> Any:
+    def choose(first: Any) -> object:
         return find(tag_of(first.record if isinstance(first, LaneType) else first.dtype, name))
 
     return choose
 
 
 def interface(
-    choose: Finder, otherwise: Callable[..., Any] | None = None
-) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    choose: Finder, otherwise: Function | None = None
+) -> Callable[[AnyFunction], AnyFunction]:
     """
     Decorate a function without a body, which calls the formula of its name.
 
     `otherwise` is the formula for implementations without this name.
     """
 
-    def decorate(stub: Callable[..., Any]) -> Callable[..., Any]:
+    def decorate(stub: AnyFunction) -> AnyFunction:
         name = stub.__name__
 
-        def formula_of(first: Any) -> Any:
+        def formula_of(first: object) -> Function:
             owner = choose(first)
             return getattr(owner, name) if otherwise is None else getattr(owner, name, otherwise)
 
         @wraps(stub)
-        def plain(*arguments: Any) -> Any:
+        def plain(*arguments: object) -> object:
             return formula_of(arguments[0])(*arguments)
 
-        def target(context: Any, kinds: Any) -> types.Type:
+        def target(context: TypingContext, kinds: Types) -> types.Type:
             return context.resolve_value_type(formula_of(kinds[0]))
 
-        def result(context: Any, *kinds: Any) -> types.Type:
+        def result(context: TypingContext, *kinds: Type) -> types.Type:
             return_type: types.Type = called(context, target(context, kinds), kinds).return_type
             return return_type
 
         @generated(plain, result)
-        def write(compiler: Compiler, kinds: Any, values: Any) -> Any:
+        def write(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
             of_call = target(compiler.context.typing_context, kinds)
             return compiler.call(of_call, compiler.result, kinds, values)
 
-        return plain
+        return cast(AnyFunction, plain)
 
     return decorate

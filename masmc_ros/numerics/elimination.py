@@ -5,15 +5,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.compiled import formula, kernel
 
 _NO_PIVOT = 1.0e300
 
 
 @formula
-def solve_definite(n: int, work: Any) -> None:
+def solve_definite(n: int, work: Array) -> None:
     """
     Solve A x = b in place: `work` (n, n + 1) is [A, b] on entry, with x in place of b on return.
 
@@ -36,7 +35,7 @@ def solve_definite(n: int, work: Any) -> None:
 
 
 @formula
-def solve_band(band: Any, right: Any) -> None:
+def solve_band(band: Array, right: Array) -> None:
     """
     Solve A X = B in place: `right` (n, m) is B on entry and X on return.
 
@@ -61,7 +60,7 @@ def solve_band(band: Any, right: Any) -> None:
 
 
 @kernel
-def factor(matrix: Any) -> None:
+def factor(matrix: Array) -> None:
     """Factor a symmetric matrix (n, n) into L D L', in place, L below the diagonal D."""
     for row in range(len(matrix)):
         for column in range(row):
@@ -79,7 +78,7 @@ def factor(matrix: Any) -> None:
 
 
 @kernel
-def solve(factored: Any, x: Any) -> None:
+def solve(factored: Array, x: Array) -> None:
     """Solve L D L' x = b in place: `x` (n) is b on entry."""
     size = len(factored)
     for row in range(size):

@@ -14,25 +14,49 @@ The decorated function in plain Python is used without compilation.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from typing import Any
+from collections.abc import Iterable, Sequence
+from typing import Any, TYPE_CHECKING, TypeAlias
 
+from masmc_ros.numerics.aliases import Function
 from numba.core import types
-from numba.core.typing.templates import AbstractTemplate, infer_global, signature
+from numba.core.typing.templates import AbstractTemplate, infer_global, Signature, signature
 from numba.extending import lower_builtin
 
-Type = Any
+if TYPE_CHECKING:
+    from llvmlite import ir
+    from numba.core import base
+    from numba.core.typing import context as typing_context
+
+Type: TypeAlias = Any
 """Type of Numba; its attributes depend on the type."""
 
-_plain_functions: set[Callable[..., Any]] = set()
+Types: TypeAlias = Sequence[Type]
+"""Types of the arguments of a function."""
+
+IrValue: TypeAlias = 'ir.Value'
+"""Instruction or constant of llvmlite, for a value of compiled code."""
+
+IrValues: TypeAlias = Sequence[IrValue]
+"""Instructions or constants, for the arguments of a function."""
+
+Builder: TypeAlias = 'ir.IRBuilder'
+"""Writer of instructions."""
+
+CodeContext: TypeAlias = 'base.BaseContext'
+"""Numba's context of the generation of code."""
+
+TypingContext: TypeAlias = 'typing_context.BaseContext'
+"""Numba's context of the inference of types."""
+
+_plain_functions: set[Function] = set()
 
 
-def is_generated(function: Callable[..., Any]) -> bool:
+def is_generated(function: Function) -> bool:
     """Return True if compiled code can call a plain function because its code is generated."""
     return function in _plain_functions
 
 
-def generated(plain: Callable[..., Any], result: Callable[..., Any]) -> Callable[..., Any]:
+def generated(plain: Function, result: Function) -> Function:
     """
     Decorate `write(compiler, types, values)`, which emits the instructions of `plain`.
 
@@ -50,16 +74,18 @@ def generated(plain: Callable[..., Any], result: Callable[..., Any]) -> Callable
         key = plain
         prefer_literal = True
 
-        def generic(self, args: Sequence[Type], kws: Any) -> Any:
+        def generic(self, args: Types, kws: object) -> Signature | None:
             return_type = result(self.context, *args)
             return None if return_type is None else signature(return_type, *args)
 
     _plain_functions.add(plain)
     infer_global(plain, types.Function(type(f'Of_{plain.__name__}', (Template,), {})))
 
-    def decorate(write: Callable[..., Any]) -> Callable[..., Any]:
+    def decorate(write: Function) -> Function:
         @lower_builtin(plain, types.VarArg(types.Any))
-        def lower(context: Any, builder: Any, sig: Any, args: Sequence[Any]) -> Any:
+        def lower(
+            context: CodeContext, builder: Builder, sig: Signature, args: IrValues
+        ) -> IrValue:
             return write(Compiler(context, builder, sig.return_type), sig.args, args)
 
         return plain
@@ -70,39 +96,39 @@ def generated(plain: Callable[..., Any], result: Callable[..., Any]) -> Callable
 class Compiler:
     """Generator of the instructions of one call."""
 
-    def __init__(self, context: Any, builder: Any, result: Type) -> None:
+    def __init__(self, context: CodeContext, builder: Builder, result: Type) -> None:
         """Initialise the generator for Numba's current function; `result` is the result type."""
         self.context, self.builder, self.result = context, builder, result
 
-    def entries(self, value: Any, kind: Type) -> list[Any]:
+    def entries(self, value: IrValue, kind: Type) -> list[IrValue]:
         """Return the entries of a tuple."""
         return [self.builder.extract_value(value, i) for i in range(len(kind))]
 
-    def tuple_of(self, values: Sequence[Any], kind: Type | None = None) -> Any:
+    def tuple_of(self, values: IrValues, kind: Type | None = None) -> IrValue:
         """Return a tuple of values."""
         return self.context.make_tuple(self.builder, kind or self.result, values)
 
-    def number(self, value: float) -> Any:
+    def number(self, value: float) -> IrValue:
         """Return a constant."""
         return self.context.get_constant(types.float64, value)
 
-    def run(self, function: Callable[..., Any], kinds: Sequence[Type], values: Any) -> Any:
+    def run(self, function: Function, kinds: Types, values: IrValues) -> IrValue:
         """Compile and call a plain function with the same result type."""
         return self.internal(function, self.result, kinds, values)
 
     def internal(
-        self, function: Callable[..., Any], result: Type, kinds: Sequence[Type], values: Any
-    ) -> Any:
+        self, function: Function, result: Type, kinds: Types, values: IrValues
+    ) -> IrValue:
         """Compile and call a plain function for these types of arguments and result."""
         return self.context.compile_internal(
             self.builder, function, signature(result, *kinds), values
         )
 
-    def cast(self, value: Any, kind: Type, wanted: Type) -> Any:
+    def cast(self, value: IrValue, kind: Type, wanted: Type) -> IrValue:
         """Convert a value to another type."""
         return self.context.cast(self.builder, value, kind, wanted)
 
-    def call(self, function: Type, result: Type, kinds: Sequence[Type], values: Any) -> Any:
+    def call(self, function: Type, result: Type, kinds: Types, values: IrValues) -> IrValue:
         """Call a compiled function of type `function`."""
         wanted = called(self.context.typing_context, function, kinds)
         cast = [
@@ -115,7 +141,7 @@ class Compiler:
         return self.cast(returned, wanted.return_type, result)
 
 
-def called(context: Any, function: Type, arguments: Sequence[Type]) -> Any:
+def called(context: TypingContext, function: Type, arguments: Types) -> Signature:
     """Return the signature of a function for these argument types."""
     plain = tuple(types.unliteral(argument) for argument in arguments)
     return function.get_call_type(context, plain, {})

@@ -14,15 +14,28 @@ innermost, so loops over lanes vectorise.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
-from masmc_ros.numerics.generated import Compiler, generated
+from masmc_ros.numerics.aliases import AnyArray, Array, Record
+from masmc_ros.numerics.generated import (
+    Builder,
+    CodeContext,
+    Compiler,
+    generated,
+    IrValue,
+    IrValues,
+    Type,
+    Types,
+    TypingContext,
+)
 from masmc_ros.numerics.scratch import array_over
 from masmc_ros.numerics.tuples import entry_place, is_array, LONGEST, new_vector, VECTOR
 from numba import types
 from numba.core import cgutils
+from numba.core.datamodel.manager import DataModelManager
 from numba.core.errors import TypingError
-from numba.core.typing.templates import AttributeTemplate
+from numba.core.typing.templates import AttributeTemplate, Signature
 from numba.extending import (
     infer_getattr,
     lower_getattr_generic,
@@ -31,6 +44,7 @@ from numba.extending import (
     register_model,
 )
 import numpy as np
+from numpy.typing import ArrayLike
 
 
 class Lane:
@@ -38,7 +52,7 @@ class Lane:
 
     __slots__ = '_lane', '_record'
 
-    def __init__(self, record: Any, lane: int) -> None:
+    def __init__(self, record: Record, lane: int) -> None:
         """Initialise the lane of an entry of an array of records."""
         object.__setattr__(self, '_record', record)
         object.__setattr__(self, '_lane', lane)
@@ -55,17 +69,17 @@ class Lane:
             return values[()]
         return tuple(values) if len(values) <= LONGEST else values.copy()
 
-    def __setattr__(self, name: str, value: Any) -> None:
+    def __setattr__(self, name: str, value: ArrayLike) -> None:
         """Write a number or a vector into a field."""
         self._values(name)[...] = value
 
-    def _values(self, name: str) -> Any:
+    def _values(self, name: str) -> AnyArray:
         if name not in self.dtype.names:
             raise AttributeError(_unknown(name, self.dtype.names), name=name, obj=self)
         return self._record[name][..., self._lane]
 
 
-def _unknown(name: str, fields: Any) -> str:
+def _unknown(name: str, fields: Iterable[str]) -> str:
     known = ', '.join(field for field in fields if field.isidentifier())
     return f'no field {name!r}; known are {known}'
 
@@ -79,19 +93,19 @@ class LaneType(types.Type):
         super().__init__(f'Lane({record.name})')
 
     @property
-    def key(self) -> Any:
+    def key(self) -> types.Record:
         """Return the identity of the type."""
         return self.record
 
     @property
-    def mangling_args(self) -> Any:
+    def mangling_args(self) -> tuple[str, tuple[types.Record]]:
         """Return the short name of the type in symbols."""
         return 'Lane', (self.record,)
 
-    def _array(self, name: str) -> Any:
+    def _array(self, name: str) -> Type:
         return self.record.fields[name].type
 
-    def number(self, name: str) -> Any:
+    def number(self, name: str) -> Type:
         """Return the type of a component of a field."""
         return self._array(name).dtype
 
@@ -99,21 +113,21 @@ class LaneType(types.Type):
         """Return the shape of a field: (lanes) or (components, lanes)."""
         return tuple(self._array(name).shape)
 
-    def type_of(self, name: str) -> Any:
+    def type_of(self, name: str) -> Type:
         """Return the type of a field when it is read."""
         shape = self.shape(name)
         if len(shape) == 1:
             return self.number(name)
         return types.UniTuple(self.number(name), shape[0]) if shape[0] <= LONGEST else VECTOR
 
-    def array_of(self, name: str) -> Any:
+    def array_of(self, name: str) -> Type:
         """Return the type of the components of a field as an array."""
         return types.Array(self.number(name), 1, 'C' if self.shape(name)[-1] == 1 else 'A')
 
 
 @register_model(LaneType)
 class _LaneModel(models.StructModel):
-    def __init__(self, manager: Any, kind: LaneType) -> None:
+    def __init__(self, manager: DataModelManager, kind: LaneType) -> None:
         super().__init__(manager, kind, [('record', kind.record), ('lane', types.intp)])
 
 
@@ -122,25 +136,25 @@ class _Attributes(AttributeTemplate):
     key = LaneType
 
     # In Numba's class this attribute is NotImplemented.
-    def generic_resolve(self, kind: LaneType, name: str) -> Any:  # type: ignore[override]
+    def generic_resolve(self, kind: LaneType, name: str) -> Type:  # type: ignore[override]
         if name not in kind.record.fields:
             raise TypingError(_unknown(name, kind.record.fields))
         return kind.type_of(name)
 
 
-def lane_of(record: Any, lane: int) -> Any:
+def lane_of(record: Record | Array, lane: int) -> Any:
     """Return one lane of a record, or of an array (..., lanes) the view of its entries."""
     return record[..., lane] if isinstance(record, np.ndarray) else Lane(record, lane)
 
 
-def _type_of_lane(context: Any, record: Any, lane: Any) -> Any:
+def _type_of_lane(context: TypingContext, record: Type, lane: Type) -> Type:
     if is_array(record):
         return types.Array(record.dtype, record.ndim - 1, 'A')
     return LaneType(record) if isinstance(record, types.Record) else None
 
 
 @generated(lane_of, _type_of_lane)
-def _lane_of(compiler: Compiler, kinds: Any, values: Any) -> Any:
+def _lane_of(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     lane = compiler.cast(values[1], kinds[1], types.intp)
     if not is_array(kinds[0]):
         return cgutils.pack_struct(compiler.builder, [values[0], lane])
@@ -159,18 +173,18 @@ def _lane_of(compiler: Compiler, kinds: Any, values: Any) -> Any:
     return part._getvalue()
 
 
-def in_place(lane: Any, name: str) -> Any:
+def in_place(lane: Any, name: str) -> Array:
     """Return a vector of one lane as an array (components) that reads and writes the record."""
     return lane._values(name)
 
 
-def _type_of_array(context: Any, lane: Any, name: Any) -> Any:
+def _type_of_array(context: TypingContext, lane: Type, name: Type) -> Type:
     is_known = isinstance(lane, LaneType) and isinstance(name, types.StringLiteral)
     return lane.array_of(name.literal_value) if is_known else None
 
 
 @generated(in_place, _type_of_array)
-def _in_place(compiler: Compiler, kinds: Any, values: Any) -> Any:
+def _in_place(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     name = kinds[1].literal_value
     count, lanes = kinds[0].shape(name)
     first = _component(compiler, kinds[0], values[0], name, 0)
@@ -179,7 +193,9 @@ def _in_place(compiler: Compiler, kinds: Any, values: Any) -> Any:
 
 
 @lower_getattr_generic(LaneType)
-def _read(context: Any, builder: Any, kind: LaneType, value: Any, name: str) -> Any:
+def _read(
+    context: CodeContext, builder: Builder, kind: LaneType, value: IrValue, name: str
+) -> IrValue:
     compiler = Compiler(context, builder, kind.type_of(name))
     count = kind.shape(name)[0]
     if is_array(compiler.result):
@@ -197,7 +213,9 @@ def _read(context: Any, builder: Any, kind: LaneType, value: Any, name: str) -> 
 
 
 @lower_setattr_generic(LaneType)
-def _write(context: Any, builder: Any, signature: Any, values: Any, name: str) -> None:
+def _write(
+    context: CodeContext, builder: Builder, signature: Signature, values: IrValues, name: str
+) -> None:
     # Numba has converted the value to the type of the field.
     kind, value_kind = signature.args
     compiler = Compiler(context, builder, value_kind)
@@ -214,7 +232,9 @@ def _write(context: Any, builder: Any, signature: Any, values: Any, name: str) -
         builder.store(entry, _component(compiler, kind, values[0], name, i))
 
 
-def _component(compiler: Compiler, kind: LaneType, value: Any, name: str, i: Any) -> Any:
+def _component(
+    compiler: Compiler, kind: LaneType, value: IrValue, name: str, i: int | IrValue
+) -> IrValue:
     """Return a pointer to component i of a field; i is a number or an instruction."""
     build = compiler.builder
     record, lane = (build.extract_value(value, k) for k in range(2))

@@ -14,8 +14,8 @@ S. L. Moshier's Cephes (tanh, exp). All are branch-free and therefore vectorise.
 from __future__ import annotations
 
 import math
-from typing import Any
 
+from masmc_ros.numerics.aliases import Array, Numbers
 from masmc_ros.numerics.bits import bits_of, power_of_two, with_sign_flipped
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.tuples import elementwise
@@ -116,7 +116,7 @@ def _turned_sine(sine: float, cosine: float, shifted: float) -> float:
 
 
 @formula
-def _before_turning(angles: Any) -> tuple[Any, Any, Any]:
+def _before_turning(angles: Numbers) -> tuple[Numbers, Numbers, Numbers]:
     # Step by step for all: long sums of products wait for their own results, and a processor
     # looks only so far ahead for others that do not.
     bounded = elementwise(_bounded, angles)
@@ -126,14 +126,14 @@ def _before_turning(angles: Any) -> tuple[Any, Any, Any]:
 
 
 @formula
-def sines(angles: Any) -> Any:
+def sines(angles: Numbers) -> Numbers:
     """Return the sine of each angle in rad; see `sin_cos`."""
     sine, cosine, shifted = _before_turning(angles)
     return elementwise(_turned_sine, sine, cosine, shifted)
 
 
 @formula
-def sines_and_cosines(angles: Any) -> Any:
+def sines_and_cosines(angles: Numbers) -> tuple[tuple[float, float], ...]:
     """Return (sin, cos) of each angle of a tuple in rad; see `sin_cos`."""
     sine, cosine, shifted = _before_turning(angles)
     return elementwise(_turned, sine, cosine, shifted)
@@ -174,7 +174,7 @@ def padded(count: int) -> int:
 
 
 @formula
-def write_sines(angles: Any, count: int) -> None:
+def write_sines(angles: Array, count: int) -> None:
     """
     Replace the first angles in rad by their sines, several at once.
 
@@ -186,7 +186,7 @@ def write_sines(angles: Any, count: int) -> None:
 
 
 @formula
-def write_sines_and_cosines(angles: Any, count: int, cosines: Any) -> None:
+def write_sines_and_cosines(angles: Array, count: int, cosines: Array) -> None:
     """Replace the first angles by their sines, and write their cosines; see `write_sines`."""
     for k in range(padded(count)):
         angles[k], cosines[k] = sin_cos(angles[k] if k < count else 0.0)

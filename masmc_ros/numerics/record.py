@@ -16,14 +16,22 @@ compiler selects formulas by them and compiles separate code for each.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
 
+from masmc_ros.numerics.aliases import Record, Records
 from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.generated import Compiler, generated
+from masmc_ros.numerics.generated import (
+    Builder,
+    Compiler,
+    generated,
+    IrValue,
+    IrValues,
+    Type,
+    Types,
+)
 from numba import types
 from numba.core import cgutils
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
 _TAG = ':'
 
@@ -37,7 +45,7 @@ def record_type(
     sizes: Mapping[str, int],
     lanes: int = 1,
     tags: Mapping[str, str] | None = None,
-) -> np.dtype[Any]:
+) -> np.dtype[np.void]:
     """
     Return the type of a record of fields, without duplicates.
 
@@ -57,7 +65,7 @@ def record_type(
     for field in fields:
         known.setdefault(field.name, field)
 
-    members: list[tuple[Any, ...]] = [
+    members: list[tuple[str, str] | tuple[str, str, tuple[int, ...]]] = [
         (field.name, field.kind, (field.count(sizes), lanes) if field.size else (lanes,))
         for field in known.values()
     ]
@@ -71,7 +79,7 @@ def new_record(
     sizes: Mapping[str, int],
     lanes: int = 1,
     tags: Mapping[str, str] | None = None,
-) -> NDArray[np.void]:
+) -> Records:
     """Return an array of one record with the initial values of its fields."""
     record = np.zeros(1, record_type(fields, sizes, lanes, tags))
     for field in fields:
@@ -79,21 +87,21 @@ def new_record(
     return record
 
 
-def fill(record: NDArray[np.void], name: str, value: Any, lane: int | None = None) -> None:
+def fill(record: Records, name: str, value: ArrayLike, lane: int | None = None) -> None:
     """Write a number or a vector into a field of an array of one record: one lane, or all."""
     numbers = np.asarray(value)
     lanes = slice(None) if lane is None else slice(lane, lane + 1)
     record[name][0][..., lanes] = numbers[..., None]
 
 
-def take_over(record: NDArray[np.void], before: NDArray[np.void]) -> None:
+def take_over(record: Records, before: Records) -> None:
     """Copy the common fields of two records from the one before."""
     for name in record.dtype.names or ():
         if _TAG not in name and name in (before.dtype.names or ()):
             record[name] = before[name]
 
 
-def tag_of(record: types.Record | np.dtype[Any], name: str) -> str:
+def tag_of(record: types.Record | np.dtype[np.void], name: str) -> str:
     """Return the tag of this name; KeyError for a record without it."""
     fields = record.fields if isinstance(record, types.Record) else record.names or ()
     for field in fields:
@@ -102,22 +110,22 @@ def tag_of(record: types.Record | np.dtype[Any], name: str) -> str:
     raise KeyError(name)
 
 
-def lanes_of(record: np.ndarray[Any, Any]) -> int:
+def lanes_of(record: Records | Record) -> int:
     """Return the number of lanes of an array of records."""
     assert record.dtype.names is not None
     return int(record.dtype[record.dtype.names[0]].shape[-1])
 
 
-def lane_count(record: Any) -> int:
+def lane_count(record: Record) -> int:
     """Return the number of lanes of a record, in compiled code a constant."""
     return lanes_of(record)
 
 
-def _lanes(record: Any) -> int:
+def _lanes(record: Type) -> int:
     return int(next(iter(record.fields.values())).type.shape[-1])
 
 
-def _allow_wide_vectors(compiler: Compiler, record: Any) -> None:
+def _allow_wide_vectors(compiler: Compiler, record: Type) -> None:
     """Let a function that loops over lanes use the full width of AVX-512, instead of half."""
     if _lanes(record) > 1:
         # llvmlite's own `add` knows no attributes that have a value.
@@ -125,7 +133,7 @@ def _allow_wide_vectors(compiler: Compiler, record: Any) -> None:
 
 
 @generated(lane_count, lambda context, record: types.intp)
-def _lane_count(compiler: Compiler, kinds: Any, values: Any) -> Any:
+def _lane_count(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     lanes = _lanes(kinds[0])
     number = compiler.context.get_constant(types.intp, lanes)
     if lanes == 1:
@@ -140,7 +148,7 @@ def _lane_count(compiler: Compiler, kinds: Any, values: Any) -> Any:
     return build.shl(build.or_(hidden, odd.type(1)), odd.type(power), flags=('nuw', 'nsw'))
 
 
-def copied(record: Any) -> Any:
+def copied(record: Record) -> Record:
     """
     Return a copy of a record, which in compiled code is valid while the kernel runs.
 
@@ -150,7 +158,7 @@ def copied(record: Any) -> Any:
 
 
 @generated(copied, lambda context, record: record)
-def _copied(compiler: Compiler, kinds: Any, values: Any) -> Any:
+def _copied(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     size = kinds[0].size
     _allow_wide_vectors(compiler, kinds[0])
     room = cgutils.alloca_once(compiler.builder, ir.ArrayType(ir.IntType(8), size))
@@ -159,26 +167,26 @@ def _copied(compiler: Compiler, kinds: Any, values: Any) -> Any:
     return compiler.builder.bitcast(room, values[0].type)
 
 
-def copy_to(source: Any, target: Any) -> None:
+def copy_to(source: Record, target: Record) -> None:
     """Copy a record into another one of the same type."""
-    for name in source.dtype.names:
+    for name in source.dtype.names or ():
         target[name] = source[name]
 
 
 @generated(copy_to, lambda context, source, target: types.none)
-def _copy_to(compiler: Compiler, kinds: Any, values: Any) -> Any:
+def _copy_to(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     _copy_bytes(compiler.builder, values[1], values[0], kinds[0].size)
     return compiler.context.get_dummy_value()
 
 
-def copy_lane(source: Any, target: Any, lane: int) -> None:
+def copy_lane(source: Record, target: Record, lane: int) -> None:
     """Copy one lane of a record without tags into another one of the same type."""
-    for name in source.dtype.names:
+    for name in source.dtype.names or ():
         target[name][..., lane] = source[name][..., lane]
 
 
 @generated(copy_lane, lambda context, source, target, lane: types.none)
-def _copy_lane(compiler: Compiler, kinds: Any, values: Any) -> Any:
+def _copy_lane(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     # Every number takes 8 bytes, and the lanes of a component are neighbours.
     build, lanes, word = compiler.builder, _lanes(kinds[0]), ir.IntType(64)
     words = [build.bitcast(value, word.as_pointer()) for value in values[:2]]
@@ -190,7 +198,7 @@ def _copy_lane(compiler: Compiler, kinds: Any, values: Any) -> Any:
     return compiler.context.get_dummy_value()
 
 
-def _copy_bytes(builder: Any, target: Any, source: Any, size: int) -> None:
+def _copy_bytes(builder: Builder, target: IrValue, source: IrValue, size: int) -> None:
     byte = ir.IntType(8).as_pointer()
     cgutils.raw_memcpy(
         builder, builder.bitcast(target, byte), builder.bitcast(source, byte),

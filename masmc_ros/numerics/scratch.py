@@ -10,10 +10,17 @@ multiplications. A function may pass its array to other functions, but neither r
 
 from __future__ import annotations
 
-from typing import Any
-
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.generated import Compiler, generated
+from masmc_ros.numerics.generated import (
+    Compiler,
+    generated,
+    IrValue,
+    IrValues,
+    Type,
+    Types,
+    TypingContext,
+)
 from masmc_ros.numerics.tuples import FLOAT
 from numba import types
 from numba.core import cgutils
@@ -30,7 +37,7 @@ Sizes are no multiples of 4 KiB, because processors first mistake such addresses
 CACHE_LINE = 64
 
 
-def scratch(*shape: int) -> Any:
+def scratch(*shape: int) -> Array:
     """
     Return an uninitialised array of one or two dimensions.
 
@@ -41,7 +48,7 @@ def scratch(*shape: int) -> Any:
 
 
 @formula
-def clear(array: Any) -> None:
+def clear(array: Array) -> None:
     """Write zeros into an array; the compiled code is much shorter than for `array[:] = 0.0`."""
     flat = array.reshape(array.size)
     for i in range(len(flat)):
@@ -49,23 +56,23 @@ def clear(array: Any) -> None:
 
 
 @formula
-def copy_into(array: Any, values: Any) -> None:
+def copy_into(array: Array, values: Array) -> None:
     """Copy an array into another one of the same shape, both in row-major order."""
     flat, source = array.reshape(array.size), values.reshape(values.size)
     for i in range(len(flat)):
         flat[i] = source[i]
 
 
-def _empty(shape: Any) -> Any:
+def _empty(shape: int | tuple[int, ...]) -> Array:
     return np.empty(shape)
 
 
-def _type_of_scratch(context: Any, *shape: Any) -> types.Type:
+def _type_of_scratch(context: TypingContext, *shape: Type) -> Type:
     return types.Array(FLOAT, len(shape), 'C')
 
 
 @generated(scratch, _type_of_scratch)
-def _scratch(compiler: Compiler, kinds: Any, values: Any) -> Any:
+def _scratch(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     context, build = compiler.context, compiler.builder
     lengths = [
         compiler.cast(value, kind, types.intp) for value, kind in zip(values, kinds, strict=True)
@@ -93,11 +100,11 @@ def _scratch(compiler: Compiler, kinds: Any, values: Any) -> Any:
 def array_over(
     compiler: Compiler,
     kind: types.Array,
-    room: Any,
-    lengths: list[Any],
-    owner: Any = None,
+    room: IrValue,
+    lengths: list[IrValue],
+    owner: IrValue | None = None,
     steps: int = 1,
-) -> Any:
+) -> IrValue:
     """
     Return an array over existing memory; without an owner it is not reference-counted.
 

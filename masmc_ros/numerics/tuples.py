@@ -14,10 +14,20 @@ Sums start with zero and then add the first entry, so they are bitwise identical
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
-from masmc_ros.numerics.aliases import Numbers
-from masmc_ros.numerics.generated import called, Compiler, generated, tuple_type
+from masmc_ros.numerics.aliases import Array, Columns, Function, Numbers
+from masmc_ros.numerics.generated import (
+    called,
+    Compiler,
+    generated,
+    IrValue,
+    IrValues,
+    tuple_type,
+    Type,
+    Types,
+    TypingContext,
+)
 from numba import types
 from numba.core import cgutils
 import numpy as np
@@ -25,6 +35,9 @@ import numpy as np
 FLOAT = types.float64
 VECTOR = types.Array(FLOAT, 1, 'C')
 MATRIX = types.Array(FLOAT, 2, 'C')
+
+_Argument = TypeVar('_Argument')
+_Entry = TypeVar('_Entry')
 
 LONGEST = 48
 """Largest number of entries of a vector that is a tuple."""
@@ -47,27 +60,27 @@ def _is_vector(kind: types.Type) -> bool:
     return _is_tuple(kind) or is_array(kind)
 
 
-def _empty(shape: Any) -> Any:
+def _empty(shape: int | tuple[int, ...]) -> Array:
     return np.empty(shape)
 
 
-def new_vector(compiler: Compiler, count: Any) -> Any:
+def new_vector(compiler: Compiler, count: IrValue) -> IrValue:
     """Return an uninitialised array of `count` numbers."""
     return compiler.internal(_empty, VECTOR, (types.intp,), (count,))
 
 
-def entry_place(compiler: Compiler, kind: types.Type, value: Any, i: Any) -> Any:
+def entry_place(compiler: Compiler, kind: Type, value: IrValue, i: IrValue) -> IrValue:
     """Return a pointer to an entry of an array."""
     array = compiler.context.make_array(kind)(compiler.context, compiler.builder, value)
     return cgutils.get_item_pointer(compiler.context, compiler.builder, kind, array, [i])
 
 
-def _length(compiler: Compiler, kind: types.Type, value: Any) -> Any:
+def _length(compiler: Compiler, kind: Type, value: IrValue) -> IrValue:
     array = compiler.context.make_array(kind)(compiler.context, compiler.builder, value)
     return compiler.builder.extract_value(array.shape, 0)
 
 
-def elementwise(function: Callable[..., Any], *arguments: Any) -> Any:
+def elementwise(function: Function, *arguments: object) -> Any:
     """Return the vector of function(a, b, ...) by entries; a number applies to all entries."""
     vectors = [a for a in arguments if isinstance(a, tuple | np.ndarray)]
     lengths = [len(vector) for vector in vectors]
@@ -80,13 +93,13 @@ def elementwise(function: Callable[..., Any], *arguments: Any) -> Any:
     return tuple(entries) if isinstance(vectors[0], tuple) else np.array(list(entries))
 
 
-def _types_of_entry(kinds: Any, i: int) -> tuple[types.Type, ...]:
+def _types_of_entry(kinds: Types, i: int) -> tuple[types.Type, ...]:
     return tuple(
         kind[i] if _is_tuple(kind) else kind.dtype if is_array(kind) else kind for kind in kinds
     )
 
 
-def _type_of_elementwise(context: Any, function: Any, *kinds: Any) -> types.Type:
+def _type_of_elementwise(context: TypingContext, function: Type, *kinds: Type) -> Type:
     if any(map(is_array, kinds)):
         return VECTOR
     count = next(len(kind) for kind in kinds if _is_tuple(kind))
@@ -96,7 +109,7 @@ def _type_of_elementwise(context: Any, function: Any, *kinds: Any) -> types.Type
 
 
 @generated(elementwise, _type_of_elementwise)
-def _elementwise(compiler: Compiler, kinds: Any, values: Any) -> Any:
+def _elementwise(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     function, kinds, values = kinds[0], kinds[1:], values[1:]
     if is_array(compiler.result):
         return _elementwise_of_arrays(compiler, function, kinds, values)
@@ -115,7 +128,9 @@ def _elementwise(compiler: Compiler, kinds: Any, values: Any) -> Any:
     ])
 
 
-def _elementwise_of_arrays(compiler: Compiler, function: Any, kinds: Any, values: Any) -> Any:
+def _elementwise_of_arrays(
+    compiler: Compiler, function: Type, kinds: Types, values: IrValues
+) -> IrValue:
     build = compiler.builder
     count = next(
         _length(compiler, kind, value)
@@ -133,13 +148,17 @@ def _elementwise_of_arrays(compiler: Compiler, function: Any, kinds: Any, values
     return out
 
 
-def from_index(function: Callable[..., Any], template: Numbers, argument: Any) -> Any:
+def from_index(
+    function: Callable[[_Argument, int], _Entry],
+    template: Numbers | Columns,
+    argument: _Argument,
+) -> tuple[_Entry, ...]:
     """Return the vector of function(argument, i) for every index i of `template`."""
     entries = [function(argument, i) for i in range(len(template))]
     return tuple(entries) if isinstance(template, tuple) else np.array(entries)
 
 
-def _type_of_table(context: Any, function: Any, template: Any, argument: Any) -> types.Type:
+def _type_of_table(context: TypingContext, function: Type, template: Type, argument: Type) -> Type:
     row = called(context, function, (argument, types.intp)).return_type
     if is_array(template):
         return MATRIX if _is_tuple(row) else VECTOR
@@ -147,7 +166,7 @@ def _type_of_table(context: Any, function: Any, template: Any, argument: Any) ->
 
 
 @generated(from_index, _type_of_table)
-def _from_index(compiler: Compiler, kinds: Any, values: Any) -> Any:
+def _from_index(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     function, template, argument = kinds
     if is_array(template):
         return _table_of_array(compiler, kinds, values)
@@ -162,7 +181,7 @@ def _from_index(compiler: Compiler, kinds: Any, values: Any) -> Any:
     ])
 
 
-def _table_of_array(compiler: Compiler, kinds: Any, values: Any) -> Any:
+def _table_of_array(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     function, template, argument = kinds
     context, build = compiler.context, compiler.builder
     row = called(context.typing_context, function, (argument, types.intp)).return_type
@@ -195,7 +214,7 @@ def dot(a: Numbers, b: Numbers) -> float:
     return total
 
 
-def _sum_of_products(compiler: Compiler, a: list[Any], b: list[Any]) -> Any:
+def _sum_of_products(compiler: Compiler, a: IrValues, b: IrValues) -> IrValue:
     total = compiler.number(0.0)
     for x, y in zip(a, b, strict=True):
         total = compiler.builder.fadd(total, compiler.builder.fmul(x, y))
@@ -206,7 +225,7 @@ _dot_of_arrays = dot
 
 
 @generated(dot, lambda context, a, b: FLOAT)
-def _dot(compiler: Compiler, kinds: Any, values: Any) -> Any:
+def _dot(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     if is_array(kinds[0]):
         return compiler.run(_dot_of_arrays, kinds, values)
     return _sum_of_products(
@@ -214,25 +233,25 @@ def _dot(compiler: Compiler, kinds: Any, values: Any) -> Any:
     )
 
 
-def unit(template: Numbers, i: int) -> Any:
+def unit(template: Numbers, i: int) -> Numbers:
     """Return the i-th unit vector, as long as `template`."""
     if isinstance(template, tuple):
         return tuple(1.0 if j == i else 0.0 for j in range(len(template)))
     return _unit_array(template, i)
 
 
-def _unit_array(template: Any, i: int) -> Any:
+def _unit_array(template: Array, i: int) -> Array:
     out = np.zeros(len(template))
     out[i] = 1.0
     return out
 
 
-def _type_of_unit(context: Any, template: Any, i: Any) -> types.Type:
+def _type_of_unit(context: TypingContext, template: Type, i: Type) -> Type:
     return VECTOR if is_array(template) else _floats(len(template))
 
 
 @generated(unit, _type_of_unit)
-def _unit(compiler: Compiler, kinds: Any, values: Any) -> Any:
+def _unit(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     if is_array(kinds[0]):
         return compiler.run(_unit_array, kinds, values)
     place = compiler.cast(values[1], kinds[1], types.intp)
@@ -250,7 +269,7 @@ def matrix_times(columns: tuple[Numbers, ...], x: Numbers) -> Numbers:
 
 
 @generated(matrix_times, lambda context, columns, x: _floats(len(columns[0])))
-def _matrix_times(compiler: Compiler, kinds: Any, values: Any) -> Any:
+def _matrix_times(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     columns = [compiler.entries(c, kinds[0][0]) for c in compiler.entries(values[0], kinds[0])]
     x = compiler.entries(values[1], kinds[1])
     return compiler.tuple_of([
@@ -268,7 +287,7 @@ def least(vector: Numbers) -> float:
 
 
 @generated(least, lambda context, vector: FLOAT)
-def _least(compiler: Compiler, kinds: Any, values: Any) -> Any:
+def _least(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     build = compiler.builder
     smallest, *others = compiler.entries(values[0], kinds[0])
     for value in others:
@@ -281,12 +300,12 @@ def head(vector: Numbers, as_many: Numbers) -> Numbers:
     return vector[: len(as_many)]
 
 
-def _type_of_head(context: Any, vector: Any, as_many: Any) -> types.Type:
+def _type_of_head(context: TypingContext, vector: Type, as_many: Type) -> Type:
     return tuple_type(vector[i] for i in range(len(as_many)))
 
 
 @generated(head, _type_of_head)
-def _head(compiler: Compiler, kinds: Any, values: Any) -> Any:
+def _head(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     return compiler.tuple_of(compiler.entries(values[0], kinds[0])[: len(kinds[1])])
 
 
@@ -296,7 +315,7 @@ def tail(vector: Numbers, as_many: Numbers) -> Numbers:
 
 
 @generated(tail, _type_of_head)
-def _tail(compiler: Compiler, kinds: Any, values: Any) -> Any:
+def _tail(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     return compiler.tuple_of(compiler.entries(values[0], kinds[0])[-len(kinds[1]):])
 
 
@@ -307,7 +326,7 @@ def thirds(vector: Numbers) -> tuple[Numbers, Numbers, Numbers]:
 
 
 @generated(thirds, lambda context, vector: tuple_type([_floats(len(vector) // 3)] * 3))
-def _thirds(compiler: Compiler, kinds: Any, values: Any) -> Any:
+def _thirds(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     n, entries = len(kinds[0]) // 3, compiler.entries(values[0], kinds[0])
     return compiler.tuple_of([
         compiler.tuple_of(entries[k * n:k * n + n], _floats(n)) for k in range(3)
@@ -320,7 +339,7 @@ def joined(first: Numbers, second: Numbers) -> Numbers:
 
 
 @generated(joined, lambda context, first, second: _floats(len(first) + len(second)))
-def _joined(compiler: Compiler, kinds: Any, values: Any) -> Any:
+def _joined(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     parts = (compiler.entries(v, k) for v, k in zip(values, kinds, strict=True))
     return compiler.tuple_of([entry for part in parts for entry in part])
 
@@ -331,7 +350,7 @@ def column(rows: tuple[Numbers, ...], i: int) -> Numbers:
 
 
 @generated(column, lambda context, rows, i: tuple_type(row[i.literal_value] for row in rows))
-def _column(compiler: Compiler, kinds: Any, values: Any) -> Any:
+def _column(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     rows = compiler.entries(values[0], kinds[0])
     return compiler.tuple_of([
         compiler.builder.extract_value(row, kinds[1].literal_value) for row in rows

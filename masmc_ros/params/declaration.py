@@ -17,8 +17,18 @@ from masmc_ros.params.scalar import typed
 from masmc_ros.params.text import yaml_text
 
 Value = bool | int | float | str | tuple[float, ...] | tuple[str, ...]
-Values = dict[str, Any]
-"""Checked value by parameter name, of the declared type."""
+"""Checked value of a parameter, of the declared type."""
+
+Values = Mapping[str, Any]
+"""
+Value by parameter name; checked, unless a function checks it.
+
+`Any` and not `Value`: the declaration of a parameter determines the type of its value, and a
+reader of `values['period']` knows it.
+"""
+
+MutableValues = dict[str, Any]
+"""Values in a dictionary that the receiver may change."""
 
 Kind = Literal['', 'bool', 'integer', 'double', 'string', 'doubles', 'strings']
 
@@ -241,7 +251,7 @@ def check_all(
     where: str | Mapping[str, str] = '',
     *,
     integers_for_doubles: bool = False,
-) -> Values:
+) -> MutableValues:
     """
     Check a whole set of values and fill in the defaults.
 
@@ -268,7 +278,7 @@ def check_all(
 
     """
     declared = {parameter.name: parameter for parameter in parameters}
-    checked: Values = {parameter.name: parameter.default for parameter in parameters}
+    checked: MutableValues = {parameter.name: parameter.default for parameter in parameters}
     for name, value in values.items():
         place = where if isinstance(where, str) else where.get(name, '')
         if name not in declared:
@@ -292,7 +302,7 @@ def _number(value: object) -> float | None:
         return None
 
 
-def _is_array(value: object) -> TypeGuard[list[Any] | tuple[Any, ...] | array.array[Any]]:
+def _is_array(value: object) -> TypeGuard[list[Any] | tuple[Any, ...] | array.array[float]]:
     return isinstance(value, list | tuple | array.array)
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping
 from difflib import get_close_matches
 from functools import cache
-from typing import Any
 
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.law import registry
@@ -16,7 +15,7 @@ from masmc_ros.loop import simulated_robot
 from masmc_ros.loop.runaway import PARAMETER as RUNAWAY_DETECTION
 from masmc_ros.loop.safe_stop import PARAMETER as FAULT_ACTION
 from masmc_ros.loop.timing import TIMING
-from masmc_ros.params.declaration import Parameter
+from masmc_ros.params.declaration import MutableValues, Parameter
 from masmc_ros.reference import trajectory
 from masmc_ros.robot import mechanisms
 from masmc_ros.robot.declaration import Mechanism
@@ -242,7 +241,7 @@ def accepted(node: str, mechanism: Mechanism = mechanisms.DEFAULT) -> frozenset[
 
 
 def drop_foreign(
-    node: str, values: dict[str, Any], shared: Collection[str], where: str | Mapping[str, str]
+    node: str, values: MutableValues, shared: Collection[str], where: str | Mapping[str, str]
 ) -> list[str]:
     """
     Remove the values of other nodes; return the names that no node of this package knows.

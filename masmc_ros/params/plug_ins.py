@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from importlib.metadata import entry_points
+from importlib.metadata import entry_points, EntryPoints
 import sys
 from typing import Any
 
@@ -20,7 +20,7 @@ def plugged_in(group: str) -> tuple[str, ...]:
 
 
 @cache
-def _names(read: Callable[..., Any], group: str, path: tuple[str, ...]) -> tuple[str, ...]:
+def _names(read: Callable[..., EntryPoints], group: str, path: tuple[str, ...]) -> tuple[str, ...]:
     # Cached, as reading the metadata of all installed packages takes some 20 ms.
     return tuple(sorted(point.name for point in read(group=group)))
 

@@ -9,7 +9,6 @@ from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 from itertools import chain
 from pathlib import Path
-from typing import Any
 
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.log.read.reader import Run
@@ -17,7 +16,7 @@ from masmc_ros.loop.controller_events import ACTIVATED, EVENTS
 from masmc_ros.loop.tick_block import Change
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.topics import PARAMETER_NODES
-from masmc_ros.params.declaration import check_all, Parameter
+from masmc_ros.params.declaration import check_all, MutableValues, Parameter, Values
 from masmc_ros.params.file import parse_value, read
 from masmc_ros.params.node_parameters import (
     accepted,
@@ -33,8 +32,6 @@ from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.mechanisms import mechanism_from
 import numpy as np
 
-Values = dict[str, Any]
-
 _MOST_MISSING = 1000
 """Ticks per state above which a log lacks most of its states."""
 
@@ -45,7 +42,7 @@ _ABSENT = {'plant': {'torque_rate_limit': 0.0}}
 """Values for logs that lack a parameter, if they differ from its default."""
 
 
-def load_scenario(path: str, settings: Iterable[str] = ()) -> dict[str, Values]:
+def load_scenario(path: str, settings: Iterable[str] = ()) -> dict[str, MutableValues]:
     """
     Read a parameter file as the nodes do; settings replace its values.
 
@@ -103,7 +100,7 @@ def activation(scenario: Mapping[str, Values]) -> list[Change]:
 
 def logged_scenario(
     run: Run, settings: Iterable[str] = ()
-) -> tuple[dict[str, Values], list[Change]]:
+) -> tuple[dict[str, MutableValues], list[Change]]:
     """
     Return the parameters and changes of a run, with which it can be recomputed.
 
@@ -156,7 +153,7 @@ def logged_scenario(
     return scenario, _controller_changes(run, without=extra['controller'])
 
 
-def _check_timing(values: Values, path: str, node: str) -> None:
+def _check_timing(values: MutableValues, path: str, node: str) -> None:
     """Raise InputError if no run has these times, as the node does."""
     try:
         Timing.from_values(values)
@@ -174,7 +171,7 @@ def _check_start(scenario: Mapping[str, Values], place: str | Path) -> None:
         )
 
 
-def _controller_changes(run: Run, without: Values) -> list[Change]:
+def _controller_changes(run: Run, without: MutableValues) -> list[Change]:
     """Return the checked changes of the controller, except those of some parameters."""
     mechanism = mechanism_from(run.parameters['controller'])
     known = {parameter.name: parameter for parameter in declared('controller', mechanism)}
@@ -229,20 +226,20 @@ def strays(path: str, settings: Iterable[str] = ()) -> list[str]:
     return [*blocks, f'{path}: {foreign_text(foreign)}'] if foreign else blocks
 
 
-def _of_robot(values: Values) -> Values:
+def _of_robot(values: MutableValues) -> MutableValues:
     """Return the values that describe the robot."""
     return {name: value for name, value in values.items() if name.startswith('robot.')}
 
 
-def _checked(declarations: Iterable[Parameter], settings: Values) -> Values:
+def _checked(declarations: Iterable[Parameter], settings: MutableValues) -> MutableValues:
     """Return checked settings of the command line."""
     declared = {parameter.name: parameter for parameter in declarations}
     return {n: declared[n].check(v, integers_for_doubles=True) for n, v in settings.items()}
 
 
-def _settings(settings: Iterable[str], plant: Values) -> dict[str, Values]:
+def _settings(settings: Iterable[str], plant: MutableValues) -> dict[str, MutableValues]:
     """Return NAME=VALUE settings by node; `plant` has the other values of that node."""
-    by_node: dict[str, Values] = {node: {} for node in NODES}
+    by_node: dict[str, MutableValues] = {node: {} for node in NODES}
     parsed = [(setting, *_parsed(setting)) for setting in settings]
     mechanism = mechanism_from(plant | _of_robot({name: value for _, name, value in parsed}))
     for setting, name, value in parsed:

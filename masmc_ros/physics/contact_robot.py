@@ -5,15 +5,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 import math
-from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.loop.closed_loop import plant_drive, plant_observe
 from masmc_ros.loop.signals import CONTACT
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.numerics.compiled import bound
+from masmc_ros.params.declaration import Values
 from masmc_ros.physics.mujoco_model import contact_model
 from masmc_ros.robot.robot import Robot
 import mujoco
@@ -50,7 +50,7 @@ class ContactRobot(SimulatedRobot):
 
     is_compiled = False
 
-    def __init__(self, robot: Robot, period: float, values: Mapping[str, Any]) -> None:
+    def __init__(self, robot: Robot, period: float, values: Values) -> None:
         """Initialise like `SimulatedRobot`; raise InputError if MuJoCo rejects the robot."""
         self._steps = max(1, round(period / values['integrator_step']))
         self._parts, self._loaded = (
@@ -136,7 +136,7 @@ class ContactRobot(SimulatedRobot):
         self._data.qfrc_applied[5] = turn
 
     @property
-    def _model(self) -> Any:
+    def _model(self) -> mujoco.MjModel:
         """Return the model at this tick, with or without the payload."""
         return (self._parts if self.tick < self._pick_up else self._loaded).model
 

@@ -10,12 +10,13 @@ and castors have contacts.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from masmc_ros.errors import InputError
 from masmc_ros.numerics.aliases import Array
+from masmc_ros.params.declaration import Values
 from masmc_ros.robot.robot import Robot
 from masmc_ros.robot.tree.assembly import tree_robot, TreeRobot
 from masmc_ros.robot.urdf import read_urdf
@@ -67,8 +68,7 @@ _FLAT = 1.0e-9
 class ContactModel(NamedTuple):
     """MuJoCo model of a robot, and the indices of the robot in its state and contacts."""
 
-    model: Any
-    """The `mujoco.MjModel`."""
+    model: mujoco.MjModel
     positions: Array
     """Indices (joints - forces) of the joints in qpos, in the order of the mechanism."""
     rates: Array
@@ -206,7 +206,7 @@ class _Wheel(NamedTuple):
         return [ahead, left, self.centre[0] * left - self.centre[1] * ahead]
 
 
-def _wheel(tree: TreeRobot, joint: str, values: Mapping[str, Any]) -> _Wheel:
+def _wheel(tree: TreeRobot, joint: str, values: Values) -> _Wheel:
     """Return a driven wheel of the robot, with its axle along y of the base."""
     number = _number(tree, joint)
     centre = tree.tree.offset[number]
@@ -247,9 +247,9 @@ def _number(tree: TreeRobot, joint: str) -> int:
     return 1 + [candidate.name for candidate in tree.joints].index(joint)
 
 
-def _bodies(spec: Any, tree: TreeRobot, armature: float) -> list[Any]:
+def _bodies(spec: mujoco.MjSpec, tree: TreeRobot, armature: float) -> list[mujoco.MjsBody]:
     """Add the bodies, the base first, and return them."""
-    bodies: list[Any] = []
+    bodies: list[mujoco.MjsBody] = []
     for number, inertial_parameters in enumerate(tree.inertial_parameters):
         if number == 0:
             body = spec.worldbody.add_body(name='base')
@@ -274,7 +274,7 @@ def _bodies(spec: Any, tree: TreeRobot, armature: float) -> list[Any]:
     return bodies
 
 
-def _set_inertia(body: Any, inertial_parameters: Array) -> None:
+def _set_inertia(body: mujoco.MjsBody, inertial_parameters: Array) -> None:
     """Set mass, centre of mass and inertia of a body from its inertial parameters (10)."""
     mass, first = inertial_parameters[0], inertial_parameters[1:4]
     body.explicitinertial = True
@@ -289,7 +289,7 @@ def _set_inertia(body: Any, inertial_parameters: Array) -> None:
     body.fullinertia = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
 
 
-def _add_wheel(body: Any, wheel: _Wheel, friction: float) -> None:
+def _add_wheel(body: mujoco.MjsBody, wheel: _Wheel, friction: float) -> None:
     """Add the contact geometry of a wheel: one point below its centre, like a thin disc."""
     body.add_geom(
         name=wheel.name, type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[wheel.radius, 0.0, 0.0],
@@ -297,7 +297,9 @@ def _add_wheel(body: Any, wheel: _Wheel, friction: float) -> None:
     )
 
 
-def _add_omni_wheel(spec: Any, base: Any, wheel: _Wheel, friction: float) -> None:
+def _add_omni_wheel(
+    spec: mujoco.MjSpec, base: mujoco.MjsBody, wheel: _Wheel, friction: float
+) -> None:
     """
     Add a wheel with rollers across its rim, which has no friction along its axle.
 
@@ -318,7 +320,7 @@ def _add_omni_wheel(spec: Any, base: Any, wheel: _Wheel, friction: float) -> Non
     )
 
 
-def _add_castors(base: Any, distance: float, size: float, ground: float) -> None:
+def _add_castors(base: mujoco.MjsBody, distance: float, size: float, ground: float) -> None:
     """Add castors at the front and back, which keep a base on two wheels upright."""
     for side in (-distance, distance):
         base.add_geom(

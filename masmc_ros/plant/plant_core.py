@@ -12,14 +12,14 @@ the caller supplies the time `now`, a steady time in s.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from masmc_ros.control.actions import Failure, Line, Wait
 from masmc_ros.errors import InputError
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.timing import Timing
 from masmc_ros.numerics.aliases import Array
+from masmc_ros.params.declaration import Values
 from masmc_ros.plant.lateness import Lateness
 from masmc_ros.plant.latest_command import CommandPart, Commands
 from masmc_ros.plant.recorder_pace import RecorderPace
@@ -89,7 +89,7 @@ class PlantCore(ABC):
         self,
         robot: SimulatedRobot,
         timing: Timing,
-        values: Mapping[str, Any],
+        values: Values,
         commands: Commands,
     ) -> None:
         """

@@ -5,14 +5,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 from masmc_ros.control.actions import Line
 from masmc_ros.errors import InputError
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.timing import LATE_TICKS, Timing
 from masmc_ros.numerics.aliases import Array
+from masmc_ros.params.declaration import Values
 from masmc_ros.plant.latest_command import CommandPart, Commands
 from masmc_ros.plant.plant_core import Action, Actions, NOTHING, PlantCore, PublishAgain
 from masmc_ros.throttle import Throttle
@@ -33,7 +31,7 @@ class RealTime(PlantCore):
         self,
         robot: SimulatedRobot,
         timing: Timing,
-        values: Mapping[str, Any],
+        values: Values,
         commands: Commands,
         *,
         waits: bool,

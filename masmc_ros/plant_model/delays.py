@@ -10,8 +10,7 @@ and tick determine it. The order of values stays: a value that a later one has o
 
 from __future__ import annotations
 
-from typing import Any
-
+from masmc_ros.numerics.aliases import Array, Record
 from masmc_ros.numerics.arrays import read_part, write_part
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.lanes import lane_of
@@ -19,6 +18,7 @@ from masmc_ros.numerics.portable_random import uniform
 from masmc_ros.numerics.record import lane_count
 from masmc_ros.numerics.scalars import zero
 from masmc_ros.numerics.tuples import elementwise
+from masmc_ros.plant_model.fields import PlantMemory, PlantSettings
 
 OF_MEASUREMENT, OF_COMMAND = 0, 1
 """Streams of random numbers."""
@@ -49,7 +49,7 @@ def newest(seed: int, tick: int, stream: int, largest: int, span: int, last: int
 
 @formula
 def receive(
-    plant: Any, memory: Any, delay_line: Any, tick: int, signals: Any, holds: bool
+    plant: Record, memory: Record, delay_line: Array, tick: int, signals: Record, holds: bool
 ) -> None:
     """
     Write the command that has arrived at a tick into the memory.
@@ -89,7 +89,9 @@ def receive(
 
 
 @formula
-def _delay_command(plant: Any, memory: Any, delay_line: Any, tick: int) -> None:
+def _delay_command(
+    plant: PlantSettings, memory: PlantMemory, delay_line: Array, tick: int
+) -> None:
     torque, rates = memory.torque, memory.commanded_rates
     delay = plant.command_delay
     first = 2 * len(memory.position)

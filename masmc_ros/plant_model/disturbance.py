@@ -5,8 +5,7 @@
 
 from __future__ import annotations
 
-from typing import Any
-
+from masmc_ros.numerics.aliases import Array, Record
 from masmc_ros.numerics.bits import bits_of
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.lanes import lane_of
@@ -46,7 +45,7 @@ def moment(time: float, step: int, halves: int, h: float) -> float:
 
 
 @formula
-def write_push(plant: Any, memory: Any, time: float) -> None:
+def write_push(plant: Record, memory: Record, time: float) -> None:
     """Write `disturbance` (joints) at a time in s: amplitude sin(frequency t + phase) in N·m."""
     for lane in range(lane_count(plant)):
         robot = lane_of(plant, lane)
@@ -56,13 +55,13 @@ def write_push(plant: Any, memory: Any, time: float) -> None:
 
 
 @formula
-def waves_of_step(plant: Any) -> int:
+def waves_of_step(plant: Record) -> int:
     """Return the largest number of values that `write_waves` writes."""
     return padded(3 * len(plant['phase']))
 
 
 @formula
-def shares_waves(plant: Any) -> bool:
+def shares_waves(plant: Record) -> bool:
     """Return True if disturbances of all lanes have the same frequencies and phases."""
     frequency, phase = plant['frequency'], plant['phase']
     others = 0
@@ -76,7 +75,7 @@ def shares_waves(plant: Any) -> bool:
 
 
 @formula
-def write_waves(plant: Any, time: float, step: int, h: float, waves: Any) -> None:
+def write_waves(plant: Record, time: float, step: int, h: float, waves: Array) -> None:
     """
     Write the sines of a step that all lanes share: of its middle, its end, and the first start.
 
@@ -107,7 +106,7 @@ def write_waves(plant: Any, time: float, step: int, h: float, waves: Any) -> Non
 
 
 @formula
-def push_by_waves(plant: Any, memory: Any, halves: int, waves: Any) -> None:
+def push_by_waves(plant: Record, memory: Record, halves: int, waves: Array) -> None:
     """
     Write `disturbance` of all lanes after half steps of a step.
 

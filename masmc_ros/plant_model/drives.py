@@ -15,9 +15,7 @@ beyond the motor limit.
 
 from __future__ import annotations
 
-from typing import Any
-
-from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.aliases import Array, Numbers, Records
 from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.lanes import lane_of
@@ -25,12 +23,13 @@ from masmc_ros.numerics.limits import clipped
 from masmc_ros.numerics.portable_math import exp
 from masmc_ros.numerics.tuples import unit
 from masmc_ros.robot import mechanism
+from masmc_ros.robot.formula_types import Lengths, MechanismInertia
 import numpy as np
 from numpy.typing import NDArray
 
 
 @formula
-def felt_inertia(model: Any, template: Numbers, h: Any, joint: int) -> float:
+def felt_inertia(model: Lengths, template: Numbers, h: MechanismInertia, joint: int) -> float:
     """
     Return the inertia that a joint feels in kg·m²: its diagonal entry of H of (10).
 
@@ -51,7 +50,7 @@ def felt_inertia(model: Any, template: Numbers, h: Any, joint: int) -> float:
 
 
 @kernel
-def joint_inertias(plant: Any, angles: Any, lane: int) -> NDArray[np.float64]:
+def joint_inertias(plant: Records, angles: Array, lane: int) -> NDArray[np.float64]:
     """
     Return the diagonal (joints) of the reduced inertia H of (10) of one lane in kg·m².
 

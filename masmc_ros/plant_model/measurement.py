@@ -12,8 +12,7 @@ all values are delayed by whole ticks.
 
 from __future__ import annotations
 
-from typing import Any
-
+from masmc_ros.numerics.aliases import Array, Record
 from masmc_ros.numerics.arrays import read_part, write_part
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.portable_random import gaussian
@@ -21,6 +20,7 @@ from masmc_ros.numerics.record import lane_count
 from masmc_ros.numerics.scalars import minus, zero
 from masmc_ros.numerics.tuples import elementwise, head, joined, tail
 from masmc_ros.plant_model.delays import newest, OF_MEASUREMENT
+from masmc_ros.plant_model.fields import PlantMemory, PlantSettings, Signals
 from masmc_ros.robot import mechanism
 
 # Adding and subtracting 1.5 * 2**52 rounds a double below 2**51 to the nearest integer.
@@ -37,7 +37,7 @@ def quantised(angle: float, resolution: float) -> float:
 
 
 @formula
-def write_noise(plant: Any, memory: Any, tick: int) -> None:
+def write_noise(plant: Record, memory: Record, tick: int) -> None:
     """
     Write the standard normal numbers of a tick into `memory`, in all lanes.
 
@@ -61,7 +61,7 @@ def _chosen(is_first: bool, first: float, second: float) -> float:
 
 
 @formula
-def measure(plant: Any, memory: Any, tick: int, signals: Any) -> None:
+def measure(plant: PlantSettings, memory: PlantMemory, tick: int, signals: Signals) -> None:
     """
     Write the measurement of the true state into `signals`, without delay.
 
@@ -100,7 +100,7 @@ def measure(plant: Any, memory: Any, tick: int, signals: Any) -> None:
 
 @formula
 def delay_measurement(
-    plant: Any, memory: Any, delayed: Any, tick: int, signals: Any
+    plant: PlantSettings, memory: PlantMemory, delayed: Array, tick: int, signals: Signals
 ) -> None:
     """
     Replace the measurement in `signals` by a delayed one, and write its age in ticks.

@@ -5,13 +5,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.scalars import plus
 from masmc_ros.numerics.tuples import elementwise
+from masmc_ros.plant_model.fields import PlantMemory, PlantSettings
 from masmc_ros.robot import mechanism
+from masmc_ros.robot.formula_types import Lengths
 
 State = tuple[Numbers, Numbers]
 """Positions, and the joints' rates."""
@@ -36,7 +36,7 @@ def _chosen(slope: float, total: float, is_last: bool) -> float:
 
 @formula
 def derivative(
-    model: Any, theta: Numbers, position: Numbers, rates: Numbers, torque: Numbers
+    model: Lengths, theta: Numbers, position: Numbers, rates: Numbers, torque: Numbers
 ) -> State:
     """
     Return the derivatives (positions) and (joints) of positions and joint rates, (8) and (10).
@@ -63,7 +63,7 @@ def derivative(
 
 
 @formula
-def runge_kutta_stage(plant: Any, memory: Any, stage: int, h: float) -> None:
+def runge_kutta_stage(plant: PlantSettings, memory: PlantMemory, stage: int, h: float) -> None:
     """
     Compute one of the four stages of a step; after the last one, `reached` is the end of the step.
 

@@ -11,9 +11,7 @@ velocities and commands) has the delayed values of each lane. `holds` is True fo
 
 from __future__ import annotations
 
-from typing import Any
-
-from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.aliases import Array, Numbers, Record
 from masmc_ros.numerics.compiled import formula, inlined
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.lanes import lane_of
@@ -32,6 +30,7 @@ from masmc_ros.plant_model.disturbance import (
     write_waves,
 )
 from masmc_ros.plant_model.drives import drive, lagging
+from masmc_ros.plant_model.fields import PlantMemory, PlantSettings, Signals
 from masmc_ros.plant_model.measurement import delay_measurement, measure, write_noise
 from masmc_ros.plant_model.motion import runge_kutta_stage
 from masmc_ros.plant_model.stiction import stuck
@@ -105,7 +104,9 @@ def _share(total: float, value: float, steps: float) -> float:
 
 
 @formula
-def _hold_rates(plant: Any, memory: Any, signals: Any, h: float, steps: int, holds: bool) -> None:
+def _hold_rates(
+    plant: PlantSettings, memory: PlantMemory, signals: Signals, h: float, steps: int, holds: bool
+) -> None:
     """Advance the drives, which follow the commanded rates, by one step of h seconds."""
     model = mechanism.model_of(plant)
     followed = elementwise(
@@ -142,7 +143,7 @@ def _hold_rates(plant: Any, memory: Any, signals: Any, h: float, steps: int, hol
 
 
 @formula
-def _limited_command(plant: Any, memory: Any) -> Numbers:
+def _limited_command(plant: PlantSettings, memory: PlantMemory) -> Numbers:
     """Return the torque that has arrived, within the limits of the motors."""
     return elementwise(
         limited,
@@ -155,7 +156,7 @@ def _limited_command(plant: Any, memory: Any) -> Numbers:
 
 
 @formula
-def take_command(plant: Any, memory: Any, signals: Any, holds: bool) -> None:
+def take_command(plant: Record, memory: Record, signals: Record, holds: bool) -> None:
     """
     Apply the command that has arrived for one period; a void command if `holds`.
 
@@ -201,14 +202,14 @@ def take_command(plant: Any, memory: Any, signals: Any, holds: bool) -> None:
 
 
 @formula
-def _commands_torques(plant: Any, holds: bool) -> bool:
+def _commands_torques(plant: Record, holds: bool) -> bool:
     """Return True if at least some joints are driven by commanded torques."""
     first = lane_of(plant, 0)
     return (not holds) & ((first.takes_rates == 0) | (first.is_hybrid != 0))
 
 
 @formula
-def release(plant: Any, memory: Any, signals: Any, holds: bool) -> None:
+def release(plant: Record, memory: Record, signals: Record, holds: bool) -> None:
     """
     Clear the torque of drives that held during a void command, if torques are commanded.
 
@@ -231,7 +232,7 @@ def release(plant: Any, memory: Any, signals: Any, holds: bool) -> None:
 
 
 @formula
-def has_losses(plant: Any) -> bool:
+def has_losses(plant: Record) -> bool:
     """Return True if motors lag or joints stick in any lane."""
     lanes = 0
     for lane in range(lane_count(plant)):
@@ -246,7 +247,7 @@ def _mean(target: float, motor: float, share: float) -> float:
 
 
 @formula
-def _report_mean(plant: Any, memory: Any, signals: Any) -> None:
+def _report_mean(plant: PlantSettings, memory: PlantMemory, signals: Signals) -> None:
     """Write the mean torque of lagging motors under a commanded torque as `applied`."""
     applied = elementwise(_mean, memory.target, memory.motor, plant.lag_mean)
     # Drives that follow velocities add theirs at every step.
@@ -255,7 +256,7 @@ def _report_mean(plant: Any, memory: Any, signals: Any) -> None:
 
 
 @formula
-def _stick(plant: Any, memory: Any, h: float) -> None:
+def _stick(plant: PlantSettings, memory: PlantMemory, h: float) -> None:
     """Write the torque of stiction over a step of h seconds."""
     bristles = elementwise(
         stuck,
@@ -272,7 +273,7 @@ def _stick(plant: Any, memory: Any, h: float) -> None:
 
 
 @formula
-def _lag(plant: Any, memory: Any, halves: int) -> None:
+def _lag(plant: PlantSettings, memory: PlantMemory, halves: int) -> None:
     """Write `driven` after 0, 1 or 2 half steps; the last ends the step of the motors."""
     motor = elementwise(lagging, memory.target, memory.motor, plant.lag_decay, halves)
     if halves == 2:
@@ -282,12 +283,12 @@ def _lag(plant: Any, memory: Any, halves: int) -> None:
 
 @formula
 def drive_step(
-    plant: Any,
-    memory: Any,
-    delay_line: Any,
+    plant: Record,
+    memory: Record,
+    delay_line: Array,
     tick: int,
     step: int,
-    signals: Any,
+    signals: Record,
     holds: bool,
 ) -> None:
     """
@@ -334,7 +335,7 @@ def drive_step(
 
 @inlined
 def advance(
-    plant: Any, memory: Any, delay_line: Any, tick: int, signals: Any, holds: bool
+    plant: Record, memory: Record, delay_line: Array, tick: int, signals: Record, holds: bool
 ) -> None:
     """
     Advance the true state by one period with the command in `signals`.
@@ -409,7 +410,7 @@ def advance(
 
 
 @formula
-def write_velocity(plant: Any, memory: Any) -> None:
+def write_velocity(plant: Record, memory: Record) -> None:
     """Write `velocity`, the derivatives of the true positions (positions)."""
     for lane in range(lane_count(plant)):
         state, model = lane_of(memory, lane), mechanism.model_of(lane_of(plant, lane))
@@ -418,7 +419,7 @@ def write_velocity(plant: Any, memory: Any) -> None:
 
 
 @formula
-def observe(plant: Any, memory: Any, delayed: Any, tick: int, signals: Any) -> None:
+def observe(plant: Record, memory: Record, delayed: Array, tick: int, signals: Record) -> None:
     """
     Write the true state and its measurement into `signals`.
 

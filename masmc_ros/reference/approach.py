@@ -15,9 +15,7 @@ A mechanism whose reach a straight line could leave has separate kernels, `appro
 
 from __future__ import annotations
 
-from typing import Any
-
-from masmc_ros.numerics.aliases import Array
+from masmc_ros.numerics.aliases import Array, Records
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.numerics.limits import clipped
@@ -34,14 +32,14 @@ _CONTINUOUS = 0.05
 
 @kernel
 def _approach_start(
-    body: Any,
-    position: Any,
-    rates: Any,
-    reference: Any,
+    body: Records,
+    position: Array,
+    rates: Array,
+    reference: Array,
     speed: float,
-    distance: Any,
-    motion: Any,
-    start: Any,
+    distance: Array,
+    motion: Array,
+    start: Array,
 ) -> float:
     """
     Write the reference (3 axes) minus the robot at rest, and the robot's velocity (axes, m/s).
@@ -62,14 +60,14 @@ def _approach_start(
 
 @kernel
 def _approach_sample(
-    body: Any,
-    reference: Any,
-    distance: Any,
-    motion: Any,
-    start: Any,
+    body: Records,
+    reference: Array,
+    distance: Array,
+    motion: Array,
+    start: Array,
     duration: float,
     part: float,
-    out: Any,
+    out: Array,
 ) -> None:
     """Write the reference minus the remaining distance, plus the remaining motion (3 axes)."""
     n = len(motion)
@@ -84,7 +82,7 @@ def _approach_sample(
 
 
 @kernel
-def _steps(before: Any, current: Any, time: float, limit: float, speed: float) -> bool:
+def _steps(before: Array, current: Array, time: float, limit: float, speed: float) -> bool:
     """Return True if a reference does not continue the one `time` s earlier."""
     steps = False
     n = len(current) // 3

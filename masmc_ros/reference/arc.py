@@ -5,16 +5,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 import math
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from masmc_ros.errors import InputError
 from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.hermite import quintic
 from masmc_ros.numerics.portable_math import sin_cos
-from masmc_ros.params.declaration import Parameter
+from masmc_ros.params.declaration import Parameter, Values
 from masmc_ros.reference.reference import Declared
 from masmc_ros.robot.declaration import Mechanism
 import numpy as np
@@ -70,7 +69,7 @@ class Arc:
 
     parameters: ClassVar[Declared] = staticmethod(_parameters)
 
-    def __init__(self, values: Mapping[str, Any], first: int = 0) -> None:
+    def __init__(self, values: Values, first: int = 0) -> None:
         """Initialise from checked values without the type's prefix; `first` is the axis of x."""
         self._start = np.array(values['start'], dtype=np.float64)
         self._first, dimensions = first, len(values['centre'])
@@ -95,7 +94,7 @@ class Arc:
         self._delay, self._duration = float(values['delay']), float(values['duration'])
 
     @classmethod
-    def of(cls, values: Mapping[str, Any], mechanism: Mechanism) -> Arc:
+    def of(cls, values: Values, mechanism: Mechanism) -> Arc:
         """Return the arc for the first position of the task; raise InputError without one."""
         coordinates = _coordinates(mechanism)
         if not coordinates:
@@ -114,7 +113,13 @@ class Arc:
 
 @kernel
 def _sample(
-    start: Any, circle: Any, first: int, angle: float, delay: float, duration: float, times: Any
+    start: Array,
+    circle: Array,
+    first: int,
+    angle: float,
+    delay: float,
+    duration: float,
+    times: Array,
 ) -> Array:
     axes = len(start)
     out = np.zeros((len(times), 3 * axes))

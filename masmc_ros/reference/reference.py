@@ -5,10 +5,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any, ClassVar, Protocol
+from collections.abc import Callable
+from typing import ClassVar, Protocol
 
-from masmc_ros.params.declaration import Parameter
+from masmc_ros.params.declaration import Parameter, Values
 from masmc_ros.robot.declaration import Mechanism
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,7 @@ class Reference(Protocol):
 
     parameters: ClassVar[Declared]
 
-    def __init__(self, values: Mapping[str, Any]) -> None:
+    def __init__(self, values: Values) -> None:
         """Initialise from checked values, with names without the prefix of the type."""
 
     def sample(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -35,7 +35,7 @@ class Reference(Protocol):
         ...
 
 
-def made(kind: type[Reference], values: Mapping[str, Any], mechanism: Mechanism) -> Reference:
+def made(kind: type[Reference], values: Values, mechanism: Mechanism) -> Reference:
     """Return a trajectory of a type from checked values; InputError if it rejects them."""
-    of: Callable[[Mapping[str, Any], Mechanism], Reference] | None = getattr(kind, 'of', None)
+    of: Callable[[Values, Mechanism], Reference] | None = getattr(kind, 'of', None)
     return kind(values) if of is None else of(values, mechanism)

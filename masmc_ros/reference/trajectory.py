@@ -5,12 +5,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from masmc_ros.errors import InputError
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.compiled import kernel
-from masmc_ros.params.declaration import Parameter
+from masmc_ros.params.declaration import Parameter, Values
 from masmc_ros.params.plug_ins import load_plug_in, plugged_in
 from masmc_ros.reference.arc import Arc
 from masmc_ros.reference.line_sine import line_sine
@@ -51,7 +51,7 @@ class LineSine:
 
     parameters: ClassVar[Declared] = staticmethod(_line_sine_parameters)
 
-    def __init__(self, values: Mapping[str, Any]) -> None:
+    def __init__(self, values: Values) -> None:
         """Initialise from checked values, with names without the prefix of the type."""
         names = 'offset', 'slope', 'amplitude', 'frequency', 'phase'
         self._table = np.array([values[name] for name in names], dtype=np.float64)
@@ -62,7 +62,7 @@ class LineSine:
 
 
 @kernel
-def _sample_line_sine(table: Any, times: Any) -> NDArray[np.float64]:
+def _sample_line_sine(table: Array, times: Array) -> NDArray[np.float64]:
     axes, count = table.shape[1], len(times)
     out = np.empty((count, 3 * axes))
     # An axis after the other, of times that a cache holds: a processor takes several at once.
@@ -122,7 +122,7 @@ def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
 class Trajectory:
     """Trajectory on the control grid, checked against the robot's reach."""
 
-    def __init__(self, values: Mapping[str, Any], period: float, robot: Robot) -> None:
+    def __init__(self, values: Values, period: float, robot: Robot) -> None:
         """
         Initialise from checked values of `parameters`, and the control period in s.
 

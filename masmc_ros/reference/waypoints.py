@@ -14,16 +14,15 @@ continuous up to the fourth. With stops, it consists of straight lines, each wit
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from itertools import pairwise
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from masmc_ros.errors import InputError
 from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.elimination import solve_band
 from masmc_ros.numerics.hermite import quintic
-from masmc_ros.params.declaration import Parameter
+from masmc_ros.params.declaration import Parameter, Values
 from masmc_ros.params.text import yaml_text
 from masmc_ros.reference.reference import Declared
 from masmc_ros.robot.declaration import Mechanism
@@ -57,7 +56,7 @@ class Waypoints:
 
     parameters: ClassVar[Declared] = staticmethod(_parameters)
 
-    def __init__(self, values: Mapping[str, Any]) -> None:
+    def __init__(self, values: Values) -> None:
         """Initialise from checked values without the type's prefix; each time has a point."""
         self._times = np.array(values['times'], dtype=np.float64)
         points = np.array(values['points'], dtype=np.float64).reshape(len(self._times), -1)
@@ -66,7 +65,7 @@ class Waypoints:
             _pass_through(self._times, self._knots)
 
     @classmethod
-    def of(cls, values: Mapping[str, Any], mechanism: Mechanism) -> Waypoints:
+    def of(cls, values: Values, mechanism: Mechanism) -> Waypoints:
         """Return the path; raise InputError if times and points do not match the task."""
         times, axes = values['times'], mechanism.axes
         if not times:
@@ -91,7 +90,7 @@ class Waypoints:
 
 
 @kernel
-def _pass_through(times: Any, knots: Any) -> None:
+def _pass_through(times: Array, knots: Array) -> None:
     """
     Write velocity and acceleration into knots (n, 3 axes) that have positions.
 
@@ -128,7 +127,7 @@ def _pass_through(times: Any, knots: Any) -> None:
 
 
 @kernel
-def _sample(times: Any, knots: Any, at: Any) -> Array:
+def _sample(times: Array, knots: Array, at: Array) -> Array:
     last, axes = len(times) - 1, knots.shape[1] // 3
     out = np.empty((len(at), 3 * axes))
     for k in range(len(at)):

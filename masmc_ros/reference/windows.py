@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.numerics.aliases import Array
@@ -63,7 +62,7 @@ class Window:
 
 
 @kernel
-def _between(first: Any, second: Any, period: float, part: float, out: Any) -> None:
+def _between(first: Array, second: Array, period: float, part: float, out: Array) -> None:
     n = len(out) // 3
     for i in range(n):
         position, velocity, acceleration = quintic(

@@ -5,13 +5,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.aliases import Array, Numbers
 from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.hermite import quintic, Sample
 from masmc_ros.robot import mechanism
+from masmc_ros.robot.formula_types import RobotLane
 
 SHORTEST = 0.5
 """Shortest duration of an approach in s, and the time in which a moving robot is braked."""
@@ -21,7 +20,7 @@ _LEAD = 2.0
 
 
 @formula
-def task_state(robot: Any, position: Any, rates: Any) -> tuple[Numbers, Numbers]:
+def task_state(robot: RobotLane, position: Array, rates: Array) -> tuple[Numbers, Numbers]:
     """Return x in m and xdot in m/s of a robot with these positions and joint velocities."""
     model = mechanism.model_of(robot)
     at = to_vector(position, robot.position)

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from bisect import bisect_left
 import math
-from typing import Any
 
+from masmc_ros.numerics.aliases import Array, Records
 from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.lanes import lane_of
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 
 @kernel
-def _reckon(body: Any, turned: Any, pose: Any) -> None:
+def _reckon(body: Records, turned: Array, pose: Array) -> None:
     """Move a pose (3) by a rotation of the joints (joints)."""
     robot = lane_of(body[0], 0)
     model = mechanism.model_of(robot)

@@ -17,11 +17,12 @@ from importlib import import_module
 from importlib.util import find_spec
 import math
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from types import ModuleType, SimpleNamespace
+from typing import Literal, NamedTuple
 
 from masmc_ros.errors import InputError
 from masmc_ros.numerics.aliases import Array, Numbers
-from masmc_ros.params.declaration import Parameter
+from masmc_ros.params.declaration import MutableValues, Parameter
 import numpy as np
 
 ODOM_FRAME = 'odom'
@@ -289,9 +290,9 @@ class Mechanism:
     speed_settings: tuple[str, ...] = ()
 
     @property
-    def choice(self) -> dict[str, Any]:
+    def choice(self) -> MutableValues:
         """Return the parameter values that select this type of robot, also in another process."""
-        chosen: dict[str, Any] = {'robot.mechanism': self.name}
+        chosen: MutableValues = {'robot.mechanism': self.name}
         if self.speed_settings:
             chosen[SPEED_LIMITS.name] = self.speed_settings
         return chosen
@@ -388,7 +389,7 @@ class Mechanism:
         return f'{self.name} {digest.hexdigest()[:12]}'
 
     @cached_property
-    def formulas(self) -> Any:
+    def formulas(self) -> ModuleType | SimpleNamespace:
         """Return the module with the formulas, imported on demand."""
         return import_module(self.module)
 
@@ -424,12 +425,12 @@ def register(mechanism: Mechanism) -> Mechanism:
     return mechanism
 
 
-def formulas_of_tag(tag: str) -> Any:
+def formulas_of_tag(tag: str) -> ModuleType | SimpleNamespace:
     """Return the module with the formulas of a registered mechanism; KeyError if there is none."""
     return _KNOWN[tag].formulas
 
 
-def formulas_of_model(model: type) -> Any:
+def formulas_of_model(model: type) -> ModuleType | SimpleNamespace:
     """Return the module with the formulas whose `MODEL` is the class of a tuple of lengths."""
     return next(
         mechanism.formulas for mechanism in _KNOWN.values() if mechanism.formulas.MODEL is model

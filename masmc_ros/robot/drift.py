@@ -14,11 +14,11 @@ here apply, which change nothing.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
+from masmc_ros.robot.formula_types import LawMemory, LawSettings, Lengths, MechanismPosture
 
 FIRST_GAIN = 0.5
 """Gain of the first estimate; later gains decrease."""
@@ -37,30 +37,34 @@ MEMORY = (
 
 @formula
 def surface_itself(
-    model: Any, posture: Any, motion: Numbers, reference: Numbers, surface: Numbers
+    model: Lengths,
+    posture: MechanismPosture,
+    motion: Numbers,
+    reference: Numbers,
+    surface: Numbers,
 ) -> Numbers:
     """Return s (axes) unmodified; the default of `reachable_surface`."""
     return surface
 
 
 @formula
-def acceleration_itself(model: Any, acceleration: Numbers, drift: Numbers) -> Numbers:
+def acceleration_itself(model: Lengths, acceleration: Numbers, drift: Numbers) -> Numbers:
     """Return a_r (joints) unmodified; the default of `compensated`."""
     return acceleration
 
 
 @formula
-def no_damping(model: Any) -> float:
+def no_damping(model: Lengths) -> float:
     """Return 0 1/s; the default of `reference_damping`."""
     return 0.0
 
 
 @formula
 def no_drift(
-    model: Any,
-    posture: Any,
-    settings: Any,
-    memory: Any,
+    model: Lengths,
+    posture: MechanismPosture,
+    settings: LawSettings,
+    memory: LawMemory,
     motion: Numbers,
     reference: Numbers,
     surface: Numbers,

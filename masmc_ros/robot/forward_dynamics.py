@@ -9,18 +9,17 @@ It is the default for mechanisms without a more efficient formula.
 
 from __future__ import annotations
 
-from typing import Any
-
 from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.scalars import minus
 from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot import mechanism
+from masmc_ros.robot.formula_types import Lengths, MechanismPosture
 
 
 @formula
 def joint_accelerations(
-    model: Any, posture: Any, theta: Numbers, rates: Numbers, torques: Numbers
+    model: Lengths, posture: MechanismPosture, theta: Numbers, rates: Numbers, torques: Numbers
 ) -> Numbers:
     """Return the joint accelerations of H^-1 (f - V v - g)."""
     bias = mechanism.coriolis(model, posture, theta, mechanism.motion(model, rates))

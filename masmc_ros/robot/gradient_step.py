@@ -9,11 +9,10 @@ These are default formulas for mechanisms without a more specific adaptation.
 
 from __future__ import annotations
 
-from typing import Any
-
 from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.tuples import elementwise
+from masmc_ros.robot.formula_types import LawSettings, Lengths
 
 
 @formula
@@ -24,13 +23,13 @@ def gradient_step(estimate: float, gradient: float, gamma: float, period: float)
 
 @formula
 def theta_step(
-    model: Any, settings: Any, theta: Numbers, gradient: Numbers, period: float
+    model: Lengths, settings: LawSettings, theta: Numbers, gradient: Numbers, period: float
 ) -> Numbers:
     """Return theta - T Gamma^-1 g."""
     return elementwise(gradient_step, theta, gradient, settings.gamma, period)
 
 
 @formula
-def preserves_consistency(model: Any, settings: Any) -> bool:
+def preserves_consistency(model: Lengths, settings: LawSettings) -> bool:
     """Return False: independent parameters can be physically inconsistent."""
     return False

@@ -5,12 +5,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
-from typing import Any
 
 from masmc_ros.errors import InputError
-from masmc_ros.params.declaration import Parameter
+from masmc_ros.params.declaration import Parameter, Values
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.mechanisms import mechanism_from
 
@@ -22,7 +21,7 @@ def all_joints(mechanism: Mechanism) -> tuple[str, ...]:
     return tuple(joint.name for joint in mechanism.positions)
 
 
-def joint_names(values: Mapping[str, Any]) -> tuple[str, ...]:
+def joint_names(values: Values) -> tuple[str, ...]:
     """
     Return the names of the joints in the order of a joint state, from checked values.
 
@@ -31,7 +30,7 @@ def joint_names(values: Mapping[str, Any]) -> tuple[str, ...]:
     return joint_names_of(mechanism_from(values), values.get(JOINT_NAMES_PARAMETER, ()))
 
 
-def driven_joint_names(values: Mapping[str, Any]) -> tuple[str, ...]:
+def driven_joint_names(values: Values) -> tuple[str, ...]:
     """Return the names of the joints that take torques, by checked values."""
     return joint_names(values)[len(mechanism_from(values).base):]
 

@@ -50,62 +50,71 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.aliases import Columns, Numbers
 from masmc_ros.numerics.dispatch import by_class, by_tag, interface
 from masmc_ros.robot.declaration import formulas_of_model, formulas_of_tag
 from masmc_ros.robot.drift import acceleration_itself, no_damping, no_drift, surface_itself
+from masmc_ros.robot.formula_types import (
+    HasGeometry,
+    LawMemory,
+    LawSettings,
+    Lengths,
+    MechanismInertia,
+    MechanismPosture,
+    MechanismRegressor,
+)
 
 _of_record = interface(by_tag('mechanism', formulas_of_tag))
 of_model = interface(by_class(formulas_of_model))
 
 
 @_of_record
-def model_of(record: Any) -> Any:
-    """Return the lengths in a record of this mechanism."""
+def model_of(record: HasGeometry) -> Any:
+    """Return the lengths in a record of this mechanism, in its own named tuple."""
 
 
 @of_model
-def posture(model: Any, position: Numbers) -> Any:
+def posture(model: Lengths, position: Numbers) -> MechanismPosture:
     """Return the sines and cosines of the positions for the other formulas."""
 
 
 @of_model
-def posture_of_joints(model: Any, angles: Numbers) -> Any:
+def posture_of_joints(model: Lengths, angles: Numbers) -> MechanismPosture:
     """Return the posture of joint angles (joints), with the base at the origin."""
 
 
 @of_model
-def motion(model: Any, rates: Numbers) -> Numbers:
+def motion(model: Lengths, rates: Numbers) -> Numbers:
     """Return the mechanism's velocities from the joints' rates."""
 
 
 @of_model
-def joint_rates(model: Any, motion: Numbers) -> Numbers:
+def joint_rates(model: Lengths, motion: Numbers) -> Numbers:
     """Return the joints' rates (or their derivatives) from velocities (or theirs)."""
 
 
 @of_model
-def joint_torques(model: Any, forces: Numbers) -> Numbers:
+def joint_torques(model: Lengths, forces: Numbers) -> Numbers:
     """Map generalised forces to joint torques (equal power)."""
 
 
 @of_model
-def forces(model: Any, torques: Numbers) -> Numbers:
+def forces(model: Lengths, torques: Numbers) -> Numbers:
     """Map joint torques to generalised forces (equal power)."""
 
 
 @of_model
-def position_rates(model: Any, posture: Any, rates: Numbers) -> Numbers:
+def position_rates(model: Lengths, posture: MechanismPosture, rates: Numbers) -> Numbers:
     """Return the derivative of the positions from the joints' rates."""
 
 
 @of_model
-def task_position(model: Any, posture: Any, position: Numbers) -> Numbers:
+def task_position(model: Lengths, posture: MechanismPosture, position: Numbers) -> Numbers:
     """Return the task's coordinates x, as many as axes."""
 
 
 @of_model
-def task_velocity(model: Any, posture: Any, motion: Numbers) -> Numbers:
+def task_velocity(model: Lengths, posture: MechanismPosture, motion: Numbers) -> Numbers:
     """Return J v."""
 
 
@@ -125,14 +134,16 @@ class Tracking(NamedTuple):
 
 
 @of_model
-def task_error(model: Any, posture: Any, position: Numbers, desired: Numbers) -> Numbers:
+def task_error(
+    model: Lengths, posture: MechanismPosture, position: Numbers, desired: Numbers
+) -> Numbers:
     """Return e, of the positions and of x_d."""
 
 
 @of_model
 def tracking(
-    model: Any,
-    posture: Any,
+    model: Lengths,
+    posture: MechanismPosture,
     position: Numbers,
     motion: Numbers,
     desired: tuple[Numbers, Numbers, Numbers],
@@ -142,8 +153,8 @@ def tracking(
 
 @of_model
 def reference_motion(
-    model: Any,
-    posture: Any,
+    model: Lengths,
+    posture: MechanismPosture,
     position: Numbers,
     motion: Numbers,
     velocity: Numbers,
@@ -159,28 +170,32 @@ def reference_motion(
 
 
 @interface(by_class(formulas_of_model), otherwise=no_damping)
-def reference_damping(model: Any) -> float:
+def reference_damping(model: Lengths) -> float:
     """Return kappa in 1/s, with which a_r is the derivative of v_r less kappa (v - v_r)."""
 
 
 @interface(by_class(formulas_of_model), otherwise=surface_itself)
 def reachable_surface(
-    model: Any, posture: Any, motion: Numbers, reference: Numbers, surface: Numbers
+    model: Lengths,
+    posture: MechanismPosture,
+    motion: Numbers,
+    reference: Numbers,
+    surface: Numbers,
 ) -> Numbers:
     """Return J (v - v_r): s, without the part that limits and singularities prevent in v_r."""
 
 
 @interface(by_class(formulas_of_model), otherwise=acceleration_itself)
-def compensated(model: Any, acceleration: Numbers, drift: Numbers) -> Numbers:
+def compensated(model: Lengths, acceleration: Numbers, drift: Numbers) -> Numbers:
     """Return a_r - drift (joints): `acceleration` is a_r, `drift` is `memory.drift`."""
 
 
 @interface(by_class(formulas_of_model), otherwise=no_drift)
 def follow_drift(
-    model: Any,
-    posture: Any,
-    settings: Any,
-    memory: Any,
+    model: Lengths,
+    posture: MechanismPosture,
+    settings: LawSettings,
+    memory: LawMemory,
     motion: Numbers,
     reference: Numbers,
     surface: Numbers,
@@ -207,51 +222,67 @@ def follow_drift(
 
 @of_model
 def motion_error(
-    model: Any, posture: Any, motion: Numbers, reference: Numbers, surface: Numbers
+    model: Lengths,
+    posture: MechanismPosture,
+    motion: Numbers,
+    reference: Numbers,
+    surface: Numbers,
 ) -> Numbers:
     """Return sigma = v - v_r, whose J sigma is the surface s."""
 
 
 @of_model
-def task_inertia(model: Any, posture: Any, theta: Numbers, surface: Numbers) -> Any:
+def task_inertia(
+    model: Lengths, posture: MechanismPosture, theta: Numbers, surface: Numbers
+) -> Columns:
     """Return the columns of the task inertia H_x; `surface` has as many entries."""
 
 
 @of_model
-def motion_from_task(model: Any, posture: Any, rates: Numbers, template: Numbers) -> Numbers:
+def motion_from_task(
+    model: Lengths, posture: MechanismPosture, rates: Numbers, template: Numbers
+) -> Numbers:
     """Return J^-1 xdot, finite everywhere; damped if `is_singular`."""
 
 
 @of_model
-def forces_from_task(model: Any, posture: Any, force: Numbers, template: Numbers) -> Numbers:
+def forces_from_task(
+    model: Lengths, posture: MechanismPosture, force: Numbers, template: Numbers
+) -> Numbers:
     """Return J' F."""
 
 
 @of_model
-def is_singular(model: Any, posture: Any) -> bool:
+def is_singular(model: Lengths, posture: MechanismPosture) -> bool:
     """Return True if J of a square task cannot be inverted undamped; called by `square_task`."""
 
 
 @of_model
 def regressor(
-    model: Any, posture: Any, motion: Numbers, reference: Numbers, acceleration: Numbers
-) -> Any:
+    model: Lengths,
+    posture: MechanismPosture,
+    motion: Numbers,
+    reference: Numbers,
+    acceleration: Numbers,
+) -> MechanismRegressor:
     """Return Y(q, v, v_r, a_r): H a_r + V v_r and the forces against gravity = Y theta."""
 
 
 @of_model
-def regressor_times(model: Any, y: Any, theta: Numbers) -> Numbers:
+def regressor_times(model: Lengths, y: MechanismRegressor, theta: Numbers) -> Numbers:
     """Return Y theta, forces."""
 
 
 @of_model
-def regressor_transpose_times(model: Any, y: Any, motion: Numbers, template: Numbers) -> Numbers:
+def regressor_transpose_times(
+    model: Lengths, y: MechanismRegressor, motion: Numbers, template: Numbers
+) -> Numbers:
     """Return Y' v, an entry per parameter."""
 
 
 @of_model
 def theta_step(
-    model: Any, settings: Any, theta: Numbers, gradient: Numbers, period: float
+    model: Lengths, settings: LawSettings, theta: Numbers, gradient: Numbers, period: float
 ) -> Numbers:
     """
     Return theta after one period of adaptation along a gradient, before leakage and projection.
@@ -262,33 +293,35 @@ def theta_step(
 
 
 @of_model
-def preserves_consistency(model: Any, settings: Any) -> bool:
+def preserves_consistency(model: Lengths, settings: LawSettings) -> bool:
     """Return True if `theta_step` keeps theta physically possible, without a projection."""
 
 
 @of_model
-def inertia(model: Any, posture: Any, theta: Numbers) -> Any:
+def inertia(model: Lengths, posture: MechanismPosture, theta: Numbers) -> MechanismInertia:
     """Return H."""
 
 
 @of_model
-def inertia_times(model: Any, inertia: Any, acceleration: Numbers) -> Numbers:
+def inertia_times(model: Lengths, inertia: MechanismInertia, acceleration: Numbers) -> Numbers:
     """Return H vdot, forces."""
 
 
 @of_model
-def inertia_solve(model: Any, inertia: Any, forces: Numbers) -> Numbers:
+def inertia_solve(model: Lengths, inertia: MechanismInertia, forces: Numbers) -> Numbers:
     """Return H^-1 f."""
 
 
 @of_model
-def coriolis(model: Any, posture: Any, theta: Numbers, motion: Numbers) -> Numbers:
+def coriolis(
+    model: Lengths, posture: MechanismPosture, theta: Numbers, motion: Numbers
+) -> Numbers:
     """Return V v and the forces against gravity; Hdot - 2 V is skew-symmetric."""
 
 
 @of_model
 def joint_accelerations(
-    model: Any, posture: Any, theta: Numbers, rates: Numbers, torques: Numbers
+    model: Lengths, posture: MechanismPosture, theta: Numbers, rates: Numbers, torques: Numbers
 ) -> Numbers:
     """
     Return the joints' accelerations under torques.
@@ -298,7 +331,7 @@ def joint_accelerations(
 
 
 @of_model
-def weakest_motion(model: Any, theta: Numbers) -> tuple[float, Numbers]:
+def weakest_motion(model: Lengths, theta: Numbers) -> tuple[float, Numbers]:
     """
     Return the first pivot of the inertia's consistency matrix that is not positive, and x.
 
@@ -308,25 +341,25 @@ def weakest_motion(model: Any, theta: Numbers) -> tuple[float, Numbers]:
 
 
 @of_model
-def consistency_normal(model: Any, x: Numbers, template: Numbers) -> Numbers:
+def consistency_normal(model: Lengths, x: Numbers, template: Numbers) -> Numbers:
     """Return the vector n with n' theta = x' Q(theta) x."""
 
 
 @of_model
-def rate_command(model: Any, motion: Numbers) -> Numbers:
+def rate_command(model: Lengths, motion: Numbers) -> Numbers:
     """Return the command of the drives: base velocities, then rates of the other joints."""
 
 
 @of_model
-def commanded_joint_rates(model: Any, command: Numbers) -> Numbers:
+def commanded_joint_rates(model: Lengths, command: Numbers) -> Numbers:
     """Return the joint rates of a command of rates."""
 
 
 @of_model
-def dead_reckoned(model: Any, pose: Numbers, turned: Numbers) -> Numbers:
+def dead_reckoned(model: Lengths, pose: Numbers, turned: Numbers) -> Numbers:
     """Return the base pose after a rotation of the joints in rad."""
 
 
 @of_model
-def counts_turns(model: Any, resolution: Numbers) -> bool:
+def counts_turns(model: Lengths, resolution: Numbers) -> bool:
     """Return True if the encoders for the base's pose have a finite resolution."""

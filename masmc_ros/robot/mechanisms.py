@@ -10,13 +10,12 @@ separate package.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache, lru_cache
-from typing import Any
+from typing import cast
 
 from masmc_ros.errors import InputError
-from masmc_ros.params.declaration import Parameter
+from masmc_ros.params.declaration import Parameter, Values
 from masmc_ros.params.plug_ins import load_plug_in, plugged_in
 from masmc_ros.robot.declaration import Mechanism, register, SPEED_LIMITS, URDF
 from masmc_ros.robot.two_link.paper_robot import TWO_LINK
@@ -52,7 +51,7 @@ def load(name: str) -> Mechanism:
     return register(mechanism)
 
 
-def mechanism_from(values: Mapping[str, Any]) -> Mechanism:
+def mechanism_from(values: Values) -> Mechanism:
     """
     Return the mechanism selected by values, checked or not; the default for an unknown name.
 
@@ -67,7 +66,8 @@ def mechanism_from(values: Mapping[str, Any]) -> Mechanism:
         return tree_mechanism(values)
     name = values.get(NAME)
     mechanism = load(name) if isinstance(name, str) and name in names() else DEFAULT
-    settings: Any = SPEED_LIMITS.check(values.get(SPEED_LIMITS.name, ()))
+    checked = SPEED_LIMITS.check(values.get(SPEED_LIMITS.name, ()))
+    settings = cast(tuple[str, ...], checked)
     return _limited(mechanism, settings) if settings else mechanism
 
 

@@ -5,17 +5,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
-from masmc_ros.numerics.aliases import Array
+from masmc_ros.numerics.aliases import Array, Records
 from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.numerics.record import fill, new_record
+from masmc_ros.params.declaration import Values
 from masmc_ros.robot import mechanism as formulas
 from masmc_ros.robot.declaration import Mechanism, ODOM_FRAME
 from masmc_ros.robot.joint_names import driven_joint_names
@@ -37,7 +36,7 @@ class Robot:
 
     mechanism: Mechanism
     """Type of the robot."""
-    values: Mapping[str, Any]
+    values: Values
     """Parameters of the robot by name, without `robot.`."""
     geometry: Array
     """Lengths in m, in the order of the mechanism's model."""
@@ -82,7 +81,7 @@ class Robot:
         return heights[self.mechanism.point_frame or child]
 
 
-def robot_of(values: Mapping[str, Any]) -> Robot:
+def robot_of(values: Values) -> Robot:
     """Return the robot of a node's checked values; raise InputError for an invalid robot."""
     mechanism = mechanism_from(values)
     own = {p.name.removeprefix('robot.'): values[p.name] for p in mechanism.parameters}
@@ -90,7 +89,7 @@ def robot_of(values: Mapping[str, Any]) -> Robot:
     return Robot(mechanism, own, np.array(lengths), np.array(theta))
 
 
-def robot_description(values: Mapping[str, Any], frame_prefix: str = '') -> str:
+def robot_description(values: Values, frame_prefix: str = '') -> str:
     """
     Return the URDF of the robot of a node's checked values.
 
@@ -103,7 +102,7 @@ def robot_description(values: Mapping[str, Any], frame_prefix: str = '') -> str:
 
 
 @kernel
-def _task_positions(body: Any, position: Any) -> Array:
+def _task_positions(body: Records, position: Array) -> Array:
     robot = lane_of(body[0], 0)
     template = robot.position
     model = formulas.model_of(robot)

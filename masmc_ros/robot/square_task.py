@@ -10,36 +10,39 @@ have the first two formulas below.
 
 from __future__ import annotations
 
-from typing import Any
-
-from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.aliases import Columns, Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.scalars import minus
 from masmc_ros.numerics.tuples import elementwise, from_index, unit
 from masmc_ros.robot import mechanism
+from masmc_ros.robot.formula_types import Lengths, MechanismInertia, MechanismPosture
 from masmc_ros.robot.mechanism import of_model, Tracking
 
 
 @of_model
-def task_drift(model: Any, posture: Any, motion: Numbers, reference: Numbers) -> Numbers:
+def task_drift(
+    model: Lengths, posture: MechanismPosture, motion: Numbers, reference: Numbers
+) -> Numbers:
     """Return Jdot(v) v_r."""
 
 
 @of_model
-def task_from_forces(model: Any, posture: Any, forces: Numbers) -> Numbers:
+def task_from_forces(model: Lengths, posture: MechanismPosture, forces: Numbers) -> Numbers:
     """Return J^-T f."""
 
 
 @formula
-def task_error(model: Any, posture: Any, position: Numbers, desired: Numbers) -> Numbers:
+def task_error(
+    model: Lengths, posture: MechanismPosture, position: Numbers, desired: Numbers
+) -> Numbers:
     """Return e = x - x_d."""
     return elementwise(minus, mechanism.task_position(model, posture, position), desired)
 
 
 @formula
 def tracking(
-    model: Any,
-    posture: Any,
+    model: Lengths,
+    posture: MechanismPosture,
     position: Numbers,
     motion: Numbers,
     desired: tuple[Numbers, Numbers, Numbers],
@@ -52,8 +55,8 @@ def tracking(
 
 @formula
 def reference_motion(
-    model: Any,
-    posture: Any,
+    model: Lengths,
+    posture: MechanismPosture,
     position: Numbers,
     motion: Numbers,
     velocity: Numbers,
@@ -69,21 +72,29 @@ def reference_motion(
 
 @formula
 def motion_error(
-    model: Any, posture: Any, motion: Numbers, reference: Numbers, surface: Numbers
+    model: Lengths,
+    posture: MechanismPosture,
+    motion: Numbers,
+    reference: Numbers,
+    surface: Numbers,
 ) -> Numbers:
     """Return J^-1 s."""
     return mechanism.motion_from_task(model, posture, surface, motion)
 
 
 @formula
-def _task_inertia_column(arguments: tuple[Any, Any, Any, Numbers], j: int) -> Numbers:
+def _task_inertia_column(
+    arguments: tuple[Lengths, MechanismPosture, MechanismInertia, Numbers], j: int
+) -> Numbers:
     model, posture, h, template = arguments
     v = mechanism.motion_from_task(model, posture, unit(template, j), template)
     return task_from_forces(model, posture, mechanism.inertia_times(model, h, v))
 
 
 @formula
-def task_inertia(model: Any, posture: Any, theta: Numbers, surface: Numbers) -> Any:
+def task_inertia(
+    model: Lengths, posture: MechanismPosture, theta: Numbers, surface: Numbers
+) -> Columns:
     """Return H_x = J^-T H J^-1 of (11) by its columns, kg."""
     h = mechanism.inertia(model, posture, theta)
     return from_index(_task_inertia_column, surface, (model, posture, h, surface))

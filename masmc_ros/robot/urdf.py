@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 import math
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import NoReturn, TypeVar
 from xml.parsers import expat
 
 from masmc_ros.errors import InputError, suggestion
@@ -249,7 +249,10 @@ def _parsed(text: str | bytes, where: str) -> _Element:
     return open_elements[0].children[0]
 
 
-def _keep(among: dict[str, Any], named: Any, where: str) -> None:
+_Named = TypeVar('_Named', Link, Joint)
+
+
+def _keep(among: dict[str, _Named], named: _Named, where: str) -> None:
     if named.name in among:
         raise InputError(
             f"{where}, line {named.line}: '{named.name}' again, after line"

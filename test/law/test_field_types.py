@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Types of settings and memory: those of a law's formulas are those of its records."""
+"""Types of settings, memory and signals: those of formulas are those of their records."""
 
 from __future__ import annotations
 
@@ -12,9 +12,13 @@ import typing
 from masmc_ros.law.declared import declared_for
 from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.law import Law
+from masmc_ros.law.parts import delay_compensation
 from masmc_ros.law.registry import LAWS, OF_RATES, REACHING, shared_parameters
 from masmc_ros.loop import control, records
+from masmc_ros.loop.signals import SIGNALS
 from masmc_ros.numerics.field import Field
+from masmc_ros.plant_model import tick
+from masmc_ros.plant_model.fields import PlantMemory, PlantSettings, Signals
 from masmc_ros.robot.two_link.paper_robot import TWO_LINK
 import pytest
 
@@ -54,6 +58,25 @@ def declared(law: Law | None) -> tuple[dict[str, str], dict[str, str]]:
 
 def test_field_types_of_all_laws_equal_declarations() -> None:
     assert (annotations(Settings), annotations(Memory)) == declared(None)
+
+
+@pytest.mark.parametrize(
+    ('cls', 'fields'),
+    [(PlantSettings, tick.SETTINGS), (PlantMemory, tick.MEMORY), (Signals, SIGNALS)],
+    ids=lambda value: getattr(value, '__name__', ''),
+)
+def test_field_types_of_plant_and_signals_equal_declarations(
+    cls: type, fields: tuple[Field, ...]
+) -> None:
+    assert annotations(cls) == types_of(fields)
+
+
+def test_field_types_of_compensation_equal_declarations() -> None:
+    settings, memory = declared(None)
+    settings |= types_of(delay_compensation.SETTINGS)
+    memory |= types_of(delay_compensation.MEMORY)
+    assert annotations(delay_compensation.CompensationSettings) == settings
+    assert annotations(delay_compensation.CompensationMemory) == memory
 
 
 @pytest.mark.parametrize('law', [*LAWS.values(), OF_RATES], ids=lambda law: law.name)

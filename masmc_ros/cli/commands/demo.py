@@ -13,7 +13,6 @@ from pathlib import Path
 import subprocess
 import sys
 import time
-from typing import Any
 
 from masmc_ros.cli.arguments import add_output
 from masmc_ros.cli.commands.report import report
@@ -22,6 +21,7 @@ from masmc_ros.cli.private_domain import private_domain
 from masmc_ros.errors import UserError
 from masmc_ros.law.reaching.implicit import IMPLICIT
 from masmc_ros.optional import require_rclpy
+from masmc_ros.params.declaration import MutableValues
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.report.files import make_folder
 from masmc_ros.report.measure.table import distance_text
@@ -29,7 +29,7 @@ from masmc_ros.robot.mechanisms import DEFAULT, mechanism_from
 from masmc_ros.share import scenario_file, scenarios
 from tqdm import tqdm
 
-RUNS: dict[str, dict[str, Any]] = {
+RUNS: dict[str, MutableValues] = {
     'smc': {'law': 'smc'},
     'rasmc': {'law': 'rasmc'},
     'implicit': {'law': 'rasmc', 'switching': IMPLICIT.name, 'observer_gain': 0.5},

@@ -11,13 +11,18 @@ from __future__ import annotations
 
 import argparse
 import sys
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 from masmc_ros.errors import InputError
 from masmc_ros.optional import require_rclpy
 from masmc_ros.params.file import parse_value
 from masmc_ros.params.node_name import complaint
+from masmc_ros.params.values import FileValue
 import yaml
+
+if TYPE_CHECKING:
+    from masmc_ros.nodes.parameters.session import ParameterSession
+
 
 _REJECTED = 1
 """Exit status if a node rejects a value."""
@@ -69,6 +74,8 @@ def run(options: argparse.Namespace) -> int:
     with ParameterSession(options.timeout) as session:
         if options.verb == 'list':
             return _list(session, node)
+        # Only `list` has an optional node.
+        assert node is not None
         if options.verb == 'get':
             return _get(session, node, options.name, hide_type=options.hide_type)
         if options.verb == 'set':
@@ -76,7 +83,7 @@ def run(options: argparse.Namespace) -> int:
         return _dump(session, node)
 
 
-def _list(session: Any, node: str | None) -> int:
+def _list(session: ParameterSession, node: str | None) -> int:
     for listed in session.nodes() if node is None else [node]:
         if node is None:
             print(f'{listed}:')
@@ -85,7 +92,7 @@ def _list(session: Any, node: str | None) -> int:
     return 0
 
 
-def _get(session: Any, node: str | None, name: str, *, hide_type: bool) -> int:
+def _get(session: ParameterSession, node: str, name: str, *, hide_type: bool) -> int:
     value = _plain(session.values(node, [name])[0])
     if hide_type:
         print(value)
@@ -98,7 +105,7 @@ def _get(session: Any, node: str | None, name: str, *, hide_type: bool) -> int:
     return 0
 
 
-def _set(session: Any, node: str | None, name: str, value: Any) -> int:
+def _set(session: ParameterSession, node: str, name: str, value: FileValue) -> int:
     from rclpy.parameter import Parameter
 
     kind = Parameter.Type.STRING_ARRAY if value == [] else None
@@ -111,7 +118,7 @@ def _set(session: Any, node: str | None, name: str, value: Any) -> int:
     return _REJECTED
 
 
-def _dump(session: Any, node: str | None) -> int:
+def _dump(session: ParameterSession, node: str) -> int:
     names = session.names(node)
     tree: dict[str, Any] = {}
     for name, value in zip(names, session.values(node, names), strict=True):
@@ -131,7 +138,7 @@ def _node(text: str) -> str:
     return f'/{text.removeprefix("/")}'
 
 
-def _value(text: str) -> Any:
+def _value(text: str) -> FileValue:
     value = parse_value(text, f"value '{text}'")
     return [] if value is None else value
 

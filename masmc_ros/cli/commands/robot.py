@@ -6,12 +6,14 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 import json
 import math
 from textwrap import fill
 from typing import Any
 
 from masmc_ros.cli.arguments import add_file, add_json, add_settings
+from masmc_ros.params.declaration import Values
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.report.aligned import aligned, WIDTH
 from masmc_ros.robot.mechanisms import mechanism_from
@@ -38,7 +40,7 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _robot(values: Any) -> dict[str, Any]:
+def _robot(values: Mapping[str, Values]) -> dict[str, Any]:
     plant, control = values['plant'], values['controller']
     mechanism, made = mechanism_from(plant), robot_of(plant)
     position = np.array(made.start(plant['initial_pose'], plant['initial_joints']))

@@ -12,7 +12,7 @@ import math
 from pathlib import Path
 import shutil
 import sys
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from masmc_ros.cli.arguments import add_file, add_overwrite, add_settings
 from masmc_ros.cli.compile_notice import compile_notice
@@ -22,6 +22,8 @@ from masmc_ros.log.recover.overlap import check_apart
 from masmc_ros.loop.signals import largest_slip
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.tick_block import Change
+from masmc_ros.numerics.aliases import Array, Flags
+from masmc_ros.params.declaration import Values
 from masmc_ros.params.scenario import activation, load_scenario, logged_scenario, strays
 from masmc_ros.report.aligned import WIDTH
 from masmc_ros.report.files import check_absent
@@ -40,7 +42,7 @@ _PROGRESS_FROM = 200_000
 class _Source(NamedTuple):
     """Run to compute, and the logged run to compare it with, if there is one."""
 
-    values: Mapping[str, Any]
+    values: Values
     changes: Sequence[Change]
     files: Mapping[str, bytes]
     run: Run | None = None
@@ -49,7 +51,7 @@ class _Source(NamedTuple):
 class _ListScenarios(argparse.Action):
     """Option that lists the installed parameter files and ends the command."""
 
-    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
         for name, path in scenarios().items():
             print(f'{name}  {path}')
         parser.exit()
@@ -77,7 +79,7 @@ def run(options: argparse.Namespace) -> int:
     with the log. The run of a parameter file is active from its first tick.
     """
     path = None if options.output is None else Path(options.output)
-    log: AbstractContextManager[Any] = nullcontext()
+    log: AbstractContextManager[SimulationLog | None] = nullcontext()
     if path is not None:
         _check_output(path, options.file, overwrite=options.overwrite)
     source = _source(options.file, options.set)
@@ -90,10 +92,10 @@ def run(options: argparse.Namespace) -> int:
         log = SimulationLog(path, simulation, source.values, source.files)
     ticks = (simulation.timing.last or 0) + 1
     comparison = None if source.run is None else Recomputed(source.run)
-    errors: list[Any] = []
+    errors: list[Array] = []
     # If velocities are commanded, there are no torques.
-    torques: list[Any] = [np.zeros((0, len(mechanism.joints)))]
-    active: list[Any] = []
+    torques: list[Array] = [np.zeros((0, len(mechanism.joints)))]
+    active: list[Flags] = []
     singular, slip = 0, 0.0
     progress = tqdm(total=ticks, unit='tick', disable=None if ticks > _PROGRESS_FROM else True)
     label = law_label(source.values['controller'])

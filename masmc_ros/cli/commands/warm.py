@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
-from typing import Any
 
 from masmc_ros.cli.arguments import add_settings
 from masmc_ros.cli.compile_notice import compile_notice
@@ -16,6 +15,7 @@ from masmc_ros.law import registry
 from masmc_ros.loop.preparation import code_for
 from masmc_ros.loop.simulated_robot import plant_of
 from masmc_ros.loop.simulation import Simulation
+from masmc_ros.params.declaration import Values
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.report.measure.labels import law_label
 from masmc_ros.robot.mechanisms import mechanism_from
@@ -66,7 +66,7 @@ def _laws(chosen: str | None, of_file: str) -> tuple[str, ...]:
     return names
 
 
-def _load(values: Mapping[str, Mapping[str, Any]]) -> None:
+def _load(values: Mapping[str, Values]) -> None:
     """Load all kernels of a simulation, a controller node and a plant node, or compile them."""
     for _ in Simulation(values).run():
         pass

@@ -18,7 +18,6 @@ that is larger than before.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from masmc_ros.law import fields
 from masmc_ros.law.law import Law
@@ -28,7 +27,7 @@ from masmc_ros.law.parts.last_period import last_regressor
 from masmc_ros.law.rasmc import RASMC
 from masmc_ros.law.reaching.reaching import correct
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Joints, Numbers, Parameters
+from masmc_ros.numerics.aliases import Array, Joints, Numbers, Parameters
 from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.elimination import factor, solve, solve_definite
@@ -38,6 +37,7 @@ from masmc_ros.numerics.scalars import plus
 from masmc_ros.numerics.tuples import elementwise, from_index, unit
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
+from masmc_ros.robot.formula_types import Lengths, MechanismInertia, MechanismRegressor
 import numpy as np
 
 PARAMETERS = (
@@ -119,14 +119,14 @@ class Memory(fields.Memory):
 
 
 @formula
-def _row(arguments: tuple[Any, Any, Numbers, Numbers], i: int) -> Numbers:
+def _row(arguments: tuple[Lengths, MechanismRegressor, Numbers, Numbers], i: int) -> Numbers:
     """Return row i of W."""
     model, w, template, motion = arguments
     return mechanism.regressor_transpose_times(model, w, unit(motion, i), template)
 
 
 @formula
-def _inertia_column(arguments: tuple[Any, Any, Numbers], i: int) -> Numbers:
+def _inertia_column(arguments: tuple[Lengths, MechanismInertia, Numbers], i: int) -> Numbers:
     """Return column i of H."""
     model, h, motion = arguments
     return mechanism.inertia_times(model, h, unit(motion, i))
@@ -257,7 +257,7 @@ def _record_point(
 
 
 @kernel
-def _information(stack: Any, rows: int, p: int, j: int, k: int) -> float:
+def _information(stack: Array, rows: int, p: int, j: int, k: int) -> float:
     """Return entry j, k of A of a stack with this number of rows."""
     total = 0.0
     for row in range(rows):
@@ -266,7 +266,7 @@ def _information(stack: Any, rows: int, p: int, j: int, k: int) -> float:
 
 
 @kernel
-def _place_to_fill(stack: Any, count: int, point: Any) -> int:
+def _place_to_fill(stack: Array, count: int, point: Array) -> int:
     """Return the next place of the stack if a point differs from all recorded ones, or -1."""
     size, square = len(point), 0.0
     for i in range(size):
@@ -282,7 +282,7 @@ def _place_to_fill(stack: Any, count: int, point: Any) -> int:
 
 
 @kernel
-def _place_to_replace(stack: Any, point: Any, gamma: Numbers) -> int:
+def _place_to_replace(stack: Array, point: Array, gamma: Numbers) -> int:
     """Return the place at which a point makes the smallest eigenvalue largest, or -1."""
     p, size = len(gamma), len(point)
     n = size // p
@@ -308,7 +308,7 @@ def _place_to_replace(stack: Any, point: Any, gamma: Numbers) -> int:
 
 
 @kernel
-def smallest_eigenvalue(matrix: Any, gamma: Numbers) -> float:
+def smallest_eigenvalue(matrix: Array, gamma: Numbers) -> float:
     """
     Return the smallest eigenvalue of Gamma^-1 A, for a semi-definite A (p, p).
 

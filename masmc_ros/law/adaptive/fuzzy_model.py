@@ -18,8 +18,6 @@ system", IEEE Transactions on Fuzzy Systems 6, 1998.
 
 from __future__ import annotations
 
-from typing import Any
-
 from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.law import Law
@@ -39,7 +37,7 @@ from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.realisable import realisable, secant
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Joints, Numbers
+from masmc_ros.numerics.aliases import Columns, Joints, Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.lanes import in_place
@@ -130,7 +128,7 @@ def _seven(x: float, span: float) -> Numbers:
 
 
 @formula
-def _inputs(settings: Settings, tick: Tick, z: Numbers) -> Any:
+def _inputs(settings: Settings, tick: Tick, z: Numbers) -> tuple[Columns, Columns, Columns]:
     """Return the memberships of both inputs of the model, and those of switching."""
     rates = mechanism.joint_rates(tick.model, tick.reference_velocity)
     derivative = mechanism.joint_rates(tick.model, tick.reference_acceleration)

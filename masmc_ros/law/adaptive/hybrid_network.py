@@ -15,8 +15,6 @@ of the paper, a hybrid of sliding mode and a fuzzy neural network.
 
 from __future__ import annotations
 
-from typing import Any
-
 from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.law import Law
@@ -36,7 +34,7 @@ from masmc_ros.law.parts.realisable import realisable, realisable_part, secant
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.reaching.saturation import saturation
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Joints, Numbers
+from masmc_ros.numerics.aliases import Columns, Joints, Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.lanes import in_place
@@ -117,7 +115,7 @@ def _sets(x: float, span: float) -> Numbers:
 
 
 @formula
-def _inputs(settings: Settings, tick: Tick, z: Numbers) -> Any:
+def _inputs(settings: Settings, tick: Tick, z: Numbers) -> tuple[Columns, Columns]:
     """Return the memberships of both inputs."""
     rates = mechanism.joint_rates(tick.model, tick.reference_velocity)
     return (

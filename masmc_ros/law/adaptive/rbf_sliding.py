@@ -15,7 +15,6 @@ adaptation without persistent excitation", IEEE Transactions on Automatic Contro
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
@@ -36,7 +35,7 @@ from masmc_ros.law.parts.surface import reference_acceleration, reference_veloci
 from masmc_ros.law.reaching.reaching import BOUNDARY_LAYER, reaching_force
 from masmc_ros.law.reaching.saturation import saturation
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Axes, Joints, Numbers
+from masmc_ros.numerics.aliases import Axes, Columns, Joints, Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.lanes import in_place
@@ -120,7 +119,7 @@ def _acceleration(desired: float, rate: float, sigma: float, span: float) -> Num
 
 
 @formula
-def _inputs(settings: Settings, tick: Tick) -> Any:
+def _inputs(settings: Settings, tick: Tick) -> tuple[Columns, Columns]:
     """Return the memberships of both inputs, for all axes."""
     sigma = settings.sigma
     velocity_span = settings.rbf_sliding_velocity_span

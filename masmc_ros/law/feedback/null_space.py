@@ -18,8 +18,6 @@ damped where S is small, and F_1 is exact for any F_2. J as a whole is not inver
 
 from __future__ import annotations
 
-from typing import Any
-
 from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.fields import Memory
@@ -40,6 +38,7 @@ from masmc_ros.numerics.scalars import minus, plus, zero
 from masmc_ros.numerics.tuples import elementwise, from_index, unit
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
+from masmc_ros.robot.formula_types import Lengths, MechanismInertia, MechanismPosture
 import numpy as np
 
 PARAMETERS = (
@@ -70,7 +69,9 @@ class Settings(fields.Settings):
 
 
 @formula
-def _mobility_column(arguments: tuple[Any, Any, Any, Numbers, Numbers], j: int) -> Numbers:
+def _mobility_column(
+    arguments: tuple[Lengths, MechanismPosture, MechanismInertia, Numbers, Numbers], j: int
+) -> Numbers:
     """Return a column of J H^-1 J'."""
     model, posture, h, axes, template = arguments
     f = mechanism.forces_from_task(model, posture, unit(axes, j), template)

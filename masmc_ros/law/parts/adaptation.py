@@ -17,18 +17,18 @@ sources and the purpose of each part.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.parts.delay_compensation import gradient
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Joints, Numbers, Parameters
+from masmc_ros.numerics.aliases import Array, Joints, Numbers, Parameters
 from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.tuples import dot, elementwise
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
+from masmc_ros.robot.formula_types import Lengths
 import numpy as np
 
 GAMMA = PerEntry(
@@ -149,7 +149,7 @@ def bounds(nominal: float, lower: float, upper: float) -> tuple[float, float]:
 
 
 @formula
-def clip_to_box(n: int, nominal: Any, lower: float, upper: float, estimate: Any) -> None:
+def clip_to_box(n: int, nominal: Numbers, lower: float, upper: float, estimate: Array) -> None:
     """
     Clip the entries of theta to multiples of the nominal ones, in place.
 
@@ -174,13 +174,13 @@ def clip_to_box(n: int, nominal: Any, lower: float, upper: float, estimate: Any)
 @formula
 def move_into_half_space(
     n: int,
-    normal: Any,
+    normal: Array,
     bound: float,
-    gamma: Any,
-    nominal: Any,
+    gamma: Numbers,
+    nominal: Numbers,
     lower: float,
     upper: float,
-    estimate: Any,
+    estimate: Array,
 ) -> None:
     """
     Move theta within its box to the nearest point with normal' theta >= bound, in place.
@@ -327,7 +327,7 @@ def _less(theta: float, nominal: float, part: float) -> float:
 
 @kernel
 def projected(
-    model: Any, theta: Numbers, nominal: Numbers, gamma: Numbers, lower: float, upper: float
+    model: Lengths, theta: Numbers, nominal: Numbers, gamma: Numbers, lower: float, upper: float
 ) -> Numbers:
     """
     Return theta projected into the box and onto physically possible values.

@@ -17,15 +17,15 @@ the gains. Without latency the compiled code contains none of this: `COMPENSATIO
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 import math
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.parts.slip import backed_off
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.aliases import Joints, Numbers, Record
 from masmc_ros.numerics.arrays import read_along, write_along
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.dispatch import by_tag, interface
@@ -33,8 +33,9 @@ from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.lanes import in_place
 from masmc_ros.numerics.scalars import minus, moved, plus, zero
 from masmc_ros.numerics.tuples import dot, elementwise, head, joined, tail
-from masmc_ros.params.declaration import Parameter
+from masmc_ros.params.declaration import Parameter, Values
 from masmc_ros.robot import mechanism
+from masmc_ros.robot.formula_types import Lengths, MechanismPosture
 
 OFF, ON = '', 'delay'
 """Tags of records without and with compensation."""
@@ -141,11 +142,36 @@ MEMORY = (
 """Memory with compensation; times are those of the measured states."""
 
 
+class CompensationSettings(Settings):
+    """Settings with the one of this module."""
+
+    stamp_age: float
+
+
+class CompensationMemory(Memory):
+    """State of a law with that of this module."""
+
+    acceleration: Joints
+    acceleration_slope: Joints
+    measured_position: Numbers
+    measured_base: Numbers
+    measured_rates: Joints
+    measured_acceleration: Joints
+    history_torque: Numbers
+    history_start: Numbers
+    history_newest: int
+    history_initialised: int
+    state_time: float
+    acts_from: float
+    skipped: int
+    later: float
+
+
 ENABLING = ('latency', 'motor_lag', 'compensation.gain')
 """Parameters that enable the compensation if one of them is not zero."""
 
 
-def is_compensated(values: Mapping[str, Any]) -> bool:
+def is_compensated(values: Values) -> bool:
     """Return True if a controller with these parameter values compensates latency."""
     return any(values[name] > 0.0 for name in ENABLING)
 
@@ -160,24 +186,26 @@ class State(NamedTuple):
 
 
 @formula
-def _same_state(settings: Any, memory: Any, state: State) -> State:
+def _same_state(settings: Settings, memory: Memory, state: State) -> State:
     return state
 
 
 @formula
-def _same_torque(settings: Any, memory: Any, posture: Any, raw: Numbers) -> Numbers:
+def _same_torque(
+    settings: Settings, memory: Memory, posture: MechanismPosture, raw: Numbers
+) -> Numbers:
     return raw
 
 
 @formula
 def _error_of_law(
-    settings: Any, memory: Any, desired: Numbers, rate: Numbers, error: Numbers
+    settings: Settings, memory: Memory, desired: Numbers, rate: Numbers, error: Numbers
 ) -> Numbers:
     return error
 
 
 @formula
-def _tracking_gradient(settings: Any, memory: Any, tick: Tick) -> Numbers:
+def _tracking_gradient(settings: Settings, memory: Memory, tick: Tick) -> Numbers:
     """Return Y' sigma of (23)."""
     w = mechanism.motion_error(
         tick.model, tick.posture, tick.velocity, tick.reference_velocity, tick.surface
@@ -186,27 +214,27 @@ def _tracking_gradient(settings: Any, memory: Any, tick: Tick) -> Numbers:
 
 
 @formula
-def _one_period(settings: Any) -> float:
+def _one_period(settings: Settings) -> float:
     return settings.period
 
 
 @formula
-def _never(settings: Any) -> bool:
+def _never(settings: Settings) -> bool:
     return False
 
 
 @formula
-def _always(settings: Any) -> bool:
+def _always(settings: Settings) -> bool:
     return True
 
 
 @formula
-def _usual_latency(settings: Any) -> float:
+def _usual_latency(settings: Settings) -> float:
     return settings.latency + settings.motor_lag
 
 
 @formula
-def total_latency(settings: Any, memory: Any) -> float:
+def total_latency(settings: CompensationSettings, memory: CompensationMemory) -> float:
     """Return L of the current state in s: the usual latency, corrected by its jitter."""
     usual = _usual_latency(settings)
     most, longest = JITTER * usual, (HISTORY - 2) * settings.period
@@ -214,7 +242,7 @@ def total_latency(settings: Any, memory: Any) -> float:
 
 
 @formula
-def _horizon(settings: Any) -> float:
+def _horizon(settings: Settings) -> float:
     """Return h in s."""
     chosen = settings.compensation_horizon
     latency, period = _usual_latency(settings), settings.period
@@ -223,7 +251,7 @@ def _horizon(settings: Any) -> float:
 
 
 @formula
-def estimate_gain(settings: Any) -> float:
+def estimate_gain(settings: Settings) -> float:
     """Return beta, the gain of the disturbance estimate per tick."""
     chosen, latency = settings.compensation_gain, _usual_latency(settings)
     period = settings.period
@@ -234,7 +262,7 @@ def estimate_gain(settings: Any) -> float:
 
 
 @formula
-def _store_command(memory: Any, torque: Numbers) -> None:
+def _store_command(memory: CompensationMemory, torque: Numbers) -> None:
     """Add a torque to the history, from the time `memory.acts_from` on."""
     newest = (memory.history_newest + 1) & (HISTORY - 1)
     write_along(in_place(memory, 'history_torque'), newest * len(torque), torque)
@@ -248,7 +276,9 @@ def _added(total: float, value: float, share: float) -> float:
 
 
 @formula
-def _mean_torque(memory: Any, start: float, end: float, template: Numbers) -> Numbers:
+def _mean_torque(
+    memory: CompensationMemory, start: float, end: float, template: Numbers
+) -> Numbers:
     """Return the mean acting torque between two times in s, in the form of `template`."""
     torques, starts = in_place(memory, 'history_torque'), in_place(memory, 'history_start')
     newest, count = memory.history_newest, len(template)
@@ -271,7 +301,12 @@ def _mean_torque(memory: Any, start: float, end: float, template: Numbers) -> Nu
 
 @formula
 def _derivative(
-    model: Any, theta: Numbers, position: Numbers, rates: Numbers, torque: Numbers, extra: Numbers
+    model: Lengths,
+    theta: Numbers,
+    position: Numbers,
+    rates: Numbers,
+    torque: Numbers,
+    extra: Numbers,
 ) -> tuple[Numbers, Numbers]:
     """Return the derivatives of positions and joint rates; `extra` is added to accelerations."""
     posture = mechanism.posture(model, position)
@@ -287,8 +322,8 @@ def _corrected(value: float, first: float, second: float, half: float) -> float:
 
 @kernel
 def _advanced(
-    settings: Any,
-    memory: Any,
+    settings: CompensationSettings,
+    memory: CompensationMemory,
     position: Numbers,
     rates: Numbers,
     start: float,
@@ -380,7 +415,9 @@ def observer_gains(
 
 
 @kernel
-def _follow_state(settings: Any, memory: Any, state: State) -> State:
+def _follow_state(
+    settings: CompensationSettings, memory: CompensationMemory, state: State
+) -> State:
     """
     Store the last command and the measured state, and update the disturbance estimate.
 
@@ -442,7 +479,7 @@ def _follow_state(settings: Any, memory: Any, state: State) -> State:
 
 
 @formula
-def _start(settings: Any, memory: Any, position: Numbers) -> None:
+def _start(settings: CompensationSettings, memory: CompensationMemory, position: Numbers) -> None:
     """Assume that the last command acts on the first state, or if it is zero, a balance."""
     torque = memory.commanded
     if torque == elementwise(zero, torque):
@@ -466,7 +503,9 @@ def _slipped(rate: float, rolling: float, predicted: float) -> float:
 
 
 @formula
-def _predicted_state(settings: Any, memory: Any, state: State) -> State:
+def _predicted_state(
+    settings: CompensationSettings, memory: CompensationMemory, state: State
+) -> State:
     """Return the state in which the next torque starts to act, and the reference of that time."""
     state = _follow_state(settings, memory, state)
     model = mechanism.model_of(settings)
@@ -489,7 +528,12 @@ def _predicted_state(settings: Any, memory: Any, state: State) -> State:
 
 
 @formula
-def _reduced_torque(settings: Any, memory: Any, posture: Any, raw: Numbers) -> Numbers:
+def _reduced_torque(
+    settings: CompensationSettings,
+    memory: CompensationMemory,
+    posture: MechanismPosture,
+    raw: Numbers,
+) -> Numbers:
     """Return raw - H d, the torque of a law less that of d, at the time at which it acts."""
     model = mechanism.model_of(settings)
     ahead = total_latency(settings, memory) / settings.period + 1.0
@@ -501,7 +545,11 @@ def _reduced_torque(settings: Any, memory: Any, posture: Any, raw: Numbers) -> N
 
 @formula
 def _measured_error(
-    settings: Any, memory: Any, desired: Numbers, rate: Numbers, error: Numbers
+    settings: CompensationSettings,
+    memory: CompensationMemory,
+    desired: Numbers,
+    rate: Numbers,
+    error: Numbers,
 ) -> Numbers:
     """Return the task error (axes) of the measured state at the time of its measurement."""
     model, position = mechanism.model_of(settings), memory.measured_position
@@ -515,7 +563,9 @@ def _relative(gradient: float, nominal: float) -> float:
 
 
 @formula
-def _measured_gradient(settings: Any, memory: Any, tick: Tick) -> Numbers:
+def _measured_gradient(
+    settings: CompensationSettings, memory: CompensationMemory, tick: Tick
+) -> Numbers:
     """
     Return Y' c d of the measured state and its estimated acceleration.
 
@@ -570,7 +620,7 @@ _dispatch = interface(by_tag('compensation', COMPENSATIONS.__getitem__))
 
 
 @_dispatch
-def state_of_torque(settings: Any, memory: Any, state: State) -> State:
+def state_of_torque(settings: Settings, memory: Memory, state: State) -> State:
     """
     Return the state and the reference in which the law is evaluated.
 
@@ -588,7 +638,9 @@ def state_of_torque(settings: Any, memory: Any, state: State) -> State:
 
 
 @_dispatch
-def reduced_torque(settings: Any, memory: Any, posture: Any, raw: Numbers) -> Numbers:
+def reduced_torque(
+    settings: Settings, memory: Memory, posture: MechanismPosture, raw: Numbers
+) -> Numbers:
     """
     Return the joint torques (joints) in N·m less those that cancel d; `raw` without compensation.
 
@@ -605,7 +657,9 @@ def reduced_torque(settings: Any, memory: Any, posture: Any, raw: Numbers) -> Nu
 
 
 @_dispatch
-def error(settings: Any, memory: Any, desired: Numbers, rate: Numbers, error: Numbers) -> Numbers:
+def error(
+    settings: Settings, memory: Memory, desired: Numbers, rate: Numbers, error: Numbers
+) -> Numbers:
     """
     Return the task error (axes) to publish, which is that of the measured state.
 
@@ -622,7 +676,7 @@ def error(settings: Any, memory: Any, desired: Numbers, rate: Numbers, error: Nu
 
 
 @_dispatch
-def gradient(settings: Any, memory: Any, tick: Tick) -> Numbers:
+def gradient(settings: Settings, memory: Memory, tick: Tick) -> Numbers:
     """
     Return the gradient (parameters) along which theta_hat is adapted.
 
@@ -639,10 +693,10 @@ def gradient(settings: Any, memory: Any, tick: Tick) -> Numbers:
 
 
 @_dispatch
-def horizon(settings: Any) -> float:
+def horizon(settings: Settings) -> float:
     """Return the time in s in which the implicit law reaches the surface: h, or T if disabled."""
 
 
 @_dispatch
-def is_on(settings: Any) -> bool:
+def is_on(settings: Settings | Record) -> bool:
     """Return True if d is estimated here; laws then estimate no disturbance themselves."""

@@ -11,9 +11,7 @@ sets. Its output is the mean of the rules, weighted by the memberships of the pa
 
 from __future__ import annotations
 
-from typing import Any
-
-from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.aliases import Array, Columns, Numbers
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.portable_math import exp
 from masmc_ros.numerics.tuples import elementwise, from_index
@@ -74,7 +72,7 @@ def alone(value: float) -> Numbers:
 
 
 @formula
-def _output(arguments: tuple[Any, Any, Any], i: int) -> float:
+def _output(arguments: tuple[Array, Columns, Columns], i: int) -> float:
     weights, first, second = arguments
     columns = len(second[0])
     place = i * len(first[0]) * columns
@@ -86,7 +84,7 @@ def _output(arguments: tuple[Any, Any, Any], i: int) -> float:
 
 
 @kernel
-def mean_of_rules(weights: Any, first: Any, second: Any) -> Numbers:
+def mean_of_rules(weights: Array, first: Columns, second: Columns) -> Numbers:
     """
     Return the output of each system: the mean of its rules, weighted by memberships.
 
@@ -103,7 +101,9 @@ def mean_of_rules(weights: Any, first: Any, second: Any) -> Numbers:
 
 
 @kernel
-def train_rules(weights: Any, first: Any, second: Any, step: Numbers, pull: float) -> None:
+def train_rules(
+    weights: Array, first: Columns, second: Columns, step: Numbers, pull: float
+) -> None:
     """
     Change rules in place: W <- (W + step phi) / (1 + pull).
 

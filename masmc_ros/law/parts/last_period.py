@@ -10,13 +10,12 @@ results.
 
 from __future__ import annotations
 
-from typing import Any
-
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot import mechanism
+from masmc_ros.robot.formula_types import MechanismRegressor
 
 
 @formula
@@ -36,7 +35,7 @@ def last_acceleration(tick: Tick, before: Numbers) -> Numbers:
 
 
 @formula
-def last_regressor(tick: Tick, before: Numbers) -> Any:
+def last_regressor(tick: Tick, before: Numbers) -> MechanismRegressor:
     """
     Return W = Y(q, v, v, dv/dt) of the last period, where v is the mean velocity of the period.
 

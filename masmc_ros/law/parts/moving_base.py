@@ -18,7 +18,7 @@ the reference motion. They request torques of the arm: those of the base are zer
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.numerics.aliases import Numbers
@@ -32,6 +32,7 @@ from masmc_ros.numerics.scratch import scratch
 from masmc_ros.numerics.tuples import elementwise, unit
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
+from masmc_ros.robot.formula_types import Lengths, MechanismPosture
 
 BASE_LAG = Parameter(
     'base_lag',
@@ -64,14 +65,18 @@ class Carried(NamedTuple):
 
 
 @formula
-def _motion(model: Any, command: Numbers) -> Numbers:
+def _motion(model: Lengths, command: Numbers) -> Numbers:
     """Return velocities of the mechanism from the coordinates of commands."""
     return mechanism.motion(model, mechanism.commanded_joint_rates(model, command))
 
 
 @kernel
 def rates_by_torque(
-    model: Any, posture: Any, mask: Any, missing: Numbers, template: Numbers
+    model: Lengths,
+    posture: MechanismPosture,
+    mask: tuple[int, ...],
+    missing: Numbers,
+    template: Numbers,
 ) -> Numbers:
     """
     Return rates of the arm with J_a a = missing, by damped least squares; those of the base are 0.
@@ -138,7 +143,7 @@ def _only(mask: int, value: float) -> float:
 @formula
 def _carried(
     settings: Settings,
-    posture: Any,
+    posture: MechanismPosture,
     v: Numbers,
     v_r: Numbers,
     a_r: Numbers,
@@ -168,7 +173,7 @@ def _carried(
 @formula
 def _not_carried(
     settings: Settings,
-    posture: Any,
+    posture: MechanismPosture,
     v: Numbers,
     v_r: Numbers,
     a_r: Numbers,
@@ -179,7 +184,7 @@ def _not_carried(
 
 @formula
 def _surface_by_torque(
-    settings: Settings, posture: Any, v: Numbers, v_r: Numbers, s: Numbers
+    settings: Settings, posture: MechanismPosture, v: Numbers, v_r: Numbers, s: Numbers
 ) -> Numbers:
     model = mechanism.model_of(settings)
     return mechanism.task_velocity(model, posture, elementwise(minus, v, v_r))
@@ -187,26 +192,28 @@ def _surface_by_torque(
 
 @formula
 def _surface_of_all(
-    settings: Settings, posture: Any, v: Numbers, v_r: Numbers, s: Numbers
+    settings: Settings, posture: MechanismPosture, v: Numbers, v_r: Numbers, s: Numbers
 ) -> Numbers:
     model = mechanism.model_of(settings)
     return mechanism.reachable_surface(model, posture, v, v_r, s)
 
 
 @formula
-def _torque_of_others(settings: Settings, memory: Memory, command: Numbers, raw: Numbers) -> Any:
+def _torque_of_others(
+    settings: Settings, memory: Memory, command: Numbers, raw: Numbers
+) -> Numbers:
     memory.velocity_command = command
     mask = settings.by_velocity
     return elementwise(selected, mask, elementwise(zero, raw), raw)
 
 
 @formula
-def _torque_of_all(settings: Settings, memory: Memory, command: Numbers, raw: Numbers) -> Any:
+def _torque_of_all(settings: Settings, memory: Memory, command: Numbers, raw: Numbers) -> Numbers:
     return raw
 
 
 @formula
-def _drift_by_torque(settings: Settings, memory: Memory, posture: Any) -> None:
+def _drift_by_torque(settings: Settings, memory: Memory, posture: MechanismPosture) -> None:
     model, mask = mechanism.model_of(settings), settings.by_velocity
     drift = mechanism.rate_command(model, memory.drift)
     drift = elementwise(selected, mask, elementwise(zero, drift), drift)
@@ -216,7 +223,7 @@ def _drift_by_torque(settings: Settings, memory: Memory, posture: Any) -> None:
 
 
 @formula
-def _drift_of_all(settings: Settings, memory: Memory, posture: Any) -> None:
+def _drift_of_all(settings: Settings, memory: Memory, posture: MechanismPosture) -> None:
     pass
 
 
@@ -253,7 +260,7 @@ _dispatch = interface(by_tag('base', _FORMULAS.__getitem__))
 @_dispatch
 def carried(
     settings: Settings,
-    posture: Any,
+    posture: MechanismPosture,
     v: Numbers,
     v_r: Numbers,
     a_r: Numbers,
@@ -279,7 +286,9 @@ def carried(
 
 
 @_dispatch
-def surface(settings: Settings, posture: Any, v: Numbers, v_r: Numbers, s: Numbers) -> Numbers:
+def surface(
+    settings: Settings, posture: MechanismPosture, v: Numbers, v_r: Numbers, s: Numbers
+) -> Numbers:
     """
     Return the part of the sliding surface (axes) that joints with torques can reduce.
 
@@ -319,7 +328,7 @@ def commanded_torque(
 
 
 @_dispatch
-def restrict_drift(settings: Settings, memory: Memory, posture: Any) -> None:
+def restrict_drift(settings: Settings, memory: Memory, posture: MechanismPosture) -> None:
     """Restrict `memory.drift` to motions of the arm in the null space of the task."""
 
 

@@ -11,8 +11,6 @@ request ever more torque from a slipping wheel.
 
 from __future__ import annotations
 
-from typing import Any
-
 from masmc_ros.law.fields import Settings
 from masmc_ros.law.parts.velocity_estimator import MEASURED
 from masmc_ros.numerics.aliases import Numbers
@@ -21,6 +19,7 @@ from masmc_ros.numerics.scalars import minus
 from masmc_ros.numerics.tuples import dot, elementwise
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
+from masmc_ros.robot.formula_types import Lengths, MechanismPosture
 
 SLIP_BACKOFF = Parameter(
     'slip_backoff',
@@ -34,7 +33,9 @@ SLIP_BACKOFF = Parameter(
 
 
 @formula
-def squared_slip(model: Any, posture: Any, position_rates: Numbers, rates: Numbers) -> float:
+def squared_slip(
+    model: Lengths, posture: MechanismPosture, position_rates: Numbers, rates: Numbers
+) -> float:
     """
     Return the squared velocity of the base relative to its rolling wheels, in (m/s)² and (rad/s)².
 
@@ -56,8 +57,8 @@ def squared_slip(model: Any, posture: Any, position_rates: Numbers, rates: Numbe
 @formula
 def backed_off(
     settings: Settings,
-    model: Any,
-    posture: Any,
+    model: Lengths,
+    posture: MechanismPosture,
     position_rates: Numbers,
     rates: Numbers,
     gain: float,

@@ -11,8 +11,6 @@ three are corrected by the measured angle. docs/theory/estimator.md has the equa
 
 from __future__ import annotations
 
-from typing import Any
-
 from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
@@ -21,6 +19,7 @@ from masmc_ros.numerics.scalars import plus, zero
 from masmc_ros.numerics.tuples import column, elementwise, tail
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
+from masmc_ros.robot.formula_types import Lengths, MechanismPosture
 
 SOURCES = ('measured', 'estimated')
 """Choices of the parameter `velocity_source`; compiled code knows them by their position."""
@@ -114,7 +113,7 @@ MEMORY = (
 
 
 @formula
-def expected_acceleration(model: Any, theta: Numbers, memory: Memory) -> Numbers:
+def expected_acceleration(model: Lengths, theta: Numbers, memory: Memory) -> Numbers:
     """
     Return the joint accelerations (joints) in rad/s² of a model under the last command.
 
@@ -196,7 +195,9 @@ def estimate_rates(
 
 
 @formula
-def note_disturbance(memory: Memory, model: Any, posture: Any, disturbance: Numbers) -> None:
+def note_disturbance(
+    memory: Memory, model: Lengths, posture: MechanismPosture, disturbance: Numbers
+) -> None:
     """
     Store the disturbance estimate of the law as joint torques for the next prediction.
 

@@ -21,7 +21,6 @@ d_k = d_{k-1} + (beta / T) H_x (s_k - s+_{k-1}), and u -= d. Slip of wheels redu
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.parts.delay_compensation import horizon, is_on
@@ -29,7 +28,7 @@ from masmc_ros.law.parts.inverse_dynamics import limited_acceleration
 from masmc_ros.law.parts.slip import backed_off, SLIP_BACKOFF
 from masmc_ros.law.reaching.reaching import GAINS, NEEDS_FULL, Reaching, SHORTCUT
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Axes, Columns, Joints, Numbers
+from masmc_ros.numerics.aliases import Array, Axes, Columns, Joints, Numbers
 from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.elimination import solve_definite
@@ -196,14 +195,14 @@ def correct_nothing(
 @formula
 def implicit_reaching(
     n: int,
-    inertia: Any,
+    inertia: Array,
     period: float,
-    k_s1: Any,
-    k_s2: Any,
-    s: Any,
-    following: Any,
-    zeta: Any,
-    work: Any,
+    k_s1: Numbers,
+    k_s2: Numbers,
+    s: Numbers,
+    following: Array,
+    zeta: Array,
+    work: Array,
 ) -> None:
     """
     Solve for s+ (`following`, n, m/s) and zeta (n).
@@ -237,13 +236,13 @@ def implicit_reaching(
 @formula
 def _minimise_on_sides(
     n: int,
-    inertia: Any,
+    inertia: Array,
     period: float,
-    k_s1: Any,
-    k_s2: Any,
-    s: Any,
-    side: Any,
-    work: Any,
+    k_s1: Numbers,
+    k_s2: Numbers,
+    s: Numbers,
+    side: Array,
+    work: Array,
 ) -> None:
     """Write the minimiser with these sides into the last column of `work`."""
     for i in range(n):
@@ -261,7 +260,7 @@ def _minimise_on_sides(
 
 
 @formula
-def _move_on_sides(n: int, following: Any, side: Any, work: Any) -> bool:
+def _move_on_sides(n: int, following: Array, side: Array, work: Array) -> bool:
     """Move to the minimiser, or until an axis meets the surface; return True in that case."""
     part = 1.0
     meeting = -1
@@ -282,7 +281,7 @@ def _move_on_sides(n: int, following: Any, side: Any, work: Any) -> bool:
 
 @formula
 def _exceeded_most(
-    n: int, inertia: Any, period: float, k_s2: Any, s: Any, following: Any, side: Any
+    n: int, inertia: Array, period: float, k_s2: Numbers, s: Numbers, following: Array, side: Array
 ) -> int:
     """Return the axis on the surface that exceeds its box most; -1 if none does."""
     worst = 1.0 + _TOLERANCE
@@ -297,7 +296,7 @@ def _exceeded_most(
 
 
 @formula
-def _force(n: int, inertia: Any, s: Any, following: Any, i: int) -> float:
+def _force(n: int, inertia: Array, s: Numbers, following: Array, i: int) -> float:
     """Return the force that keeps axis i on the surface: entry i of H_x (s - s+)."""
     force = 0.0
     for j in range(n):

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import Any
 
 from masmc_ros.law.declared import Declared, PerEntry
 from masmc_ros.law.fields import Memory, Settings
@@ -51,9 +50,9 @@ class Reaching:
     """Reaching term; `switching` selects it by name."""
 
     name: str
-    reach: Callable[..., Any]
+    reach: Callable[..., Axes]
     """(settings, tick, memory) -> u, a tuple in N."""
-    correct: Callable[..., Any] = _nothing_to_correct
+    correct: Callable[..., None] = _nothing_to_correct
     """(settings, tick, memory, raw, torque): the law requested `raw`, `torque` is held."""
     parameters: tuple[Declared, ...] = GAINS
     memory: tuple[Field, ...] = ()

@@ -13,8 +13,6 @@ Hung, s' = -Q s - P sgn s; P must exceed the coupling. Reference [6] of the pape
 
 from __future__ import annotations
 
-from typing import Any
-
 from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.fields import Memory
@@ -57,7 +55,12 @@ def _where(value: float, other: float, group: int, chosen: int) -> float:
 
 @formula
 def _of_group(
-    tick: Tick, theta: Numbers, group: Any, chosen: int, rates: Numbers, derivative: Numbers
+    tick: Tick,
+    theta: Numbers,
+    group: tuple[int, ...],
+    chosen: int,
+    rates: Numbers,
+    derivative: Numbers,
 ) -> Numbers:
     """Return the torques for the motion of the chosen group, with all other joints at rest."""
     v = mechanism.motion(tick.model, elementwise(_where, rates, 0.0, group, chosen))

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.contents import Topic
@@ -41,7 +40,7 @@ def twists(topic: Topic, joint_commands: Series | None, places: Sequence[int]) -
 
     """
     is_stamped = topic.schema is not None and topic.schema.name == TWIST_STAMPED
-    message: Any = TwistStampedCdr() if is_stamped else TwistCdr()
+    message: TwistStampedCdr | TwistCdr = TwistStampedCdr() if is_stamped else TwistCdr()
     stamps, values = [], []
     make = None
     for log_time, raw in zip(topic.log_times, topic.messages, strict=True):

@@ -14,6 +14,7 @@ from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.contents import Topic
+from masmc_ros.messages import deserialised
 from masmc_ros.messages.cdr_layout import (
     checked_stamp,
     END_OF_TIME,
@@ -184,7 +185,7 @@ def joint_states(
     def bulk(states: Messages) -> tuple[Stamps, Array, bool]:
         return stamps_of(states['stamp']), np.hstack([states[field] for field in FIELDS]), True
 
-    def single(received: Any, _: int) -> tuple[int, Array]:
+    def single(received: deserialised.JointState, _: int) -> tuple[int, Array]:
         message.load_message(received, joints, unknown_velocity=np.nan)
         return message.stamp_ns, np.hstack((message.position, message.velocity, message.effort))
 
@@ -202,7 +203,7 @@ def commands(kind: CommandKind) -> MessageFormat:
         stamps, has_digits = _label_stamps(messages['characters'])
         return stamps, messages['data'], has_digits
 
-    def single(received: Any, log_time: int) -> tuple[int, Array]:
+    def single(received: deserialised.Float64MultiArray, log_time: int) -> tuple[int, Array]:
         message.load_message(received)
         stamp = log_time if message.stamp_ns is None else message.stamp_ns
         return stamp, message.data
@@ -231,7 +232,7 @@ def telemetry(label: str, count: int) -> MessageFormat:
         seconds, nanoseconds = np.where(usable, head, 0.0).astype(np.int64).T
         return seconds * NANOSECONDS + nanoseconds, messages['data'], usable[:, 0]
 
-    def single(received: Any, _: int) -> tuple[int, Array]:
+    def single(received: deserialised.Float64MultiArray, _: int) -> tuple[int, Array]:
         message.load_message(received)
         return message.stamp_ns, message.values
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import dataclass
 import json
-from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.contents import LogContents
@@ -16,6 +15,7 @@ from masmc_ros.log.read.timeline import PassStart
 from masmc_ros.log.write.provenance import CHANGES, PARAMETERS
 from masmc_ros.messages.parameter_record import parameter_values, ParameterRecord, record_of
 from masmc_ros.messages.topics import PARAMETER_NODES, parameters_topic
+from masmc_ros.params.declaration import MutableValues
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class ParameterHistory:
 
     """
 
-    start: dict[str, dict[str, Any]]
+    start: dict[str, MutableValues]
     changes: tuple[ParameterRecord, ...]
     restarted: tuple[str, ...]
 
@@ -63,7 +63,7 @@ def parameter_history(
         if metadata cannot be read.
 
     """
-    start: dict[str, dict[str, Any]] = {}
+    start: dict[str, MutableValues] = {}
     changes: list[tuple[int, ParameterRecord]] = []
     restarted = []
     for node in PARAMETER_NODES:
@@ -114,7 +114,7 @@ def _from_metadata(contents: LogContents) -> ParameterHistory:
     return ParameterHistory(start, tuple(changes), ())
 
 
-def _start(text: str) -> dict[str, Any]:
+def _start(text: str) -> MutableValues:
     try:
         return parameter_values({'parameters': _object(PARAMETERS, text)})
     except (TypeError, ValueError) as error:
@@ -123,7 +123,7 @@ def _start(text: str) -> dict[str, Any]:
         ) from error
 
 
-def _object(name: str, text: str) -> dict[str, Any]:
+def _object(name: str, text: str) -> MutableValues:
     values = None
     with suppress(ValueError, RecursionError):
         values = json.loads(text)

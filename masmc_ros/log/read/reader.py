@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import cast
 
 from masmc_ros.control.stamp_order import in_time, state_timeout
 from masmc_ros.errors import InputError
@@ -29,6 +29,7 @@ from masmc_ros.messages.telemetry import telemetry_count
 from masmc_ros.messages.topics import FLOAT_ARRAY, ODOMETRY, TOPICS, TWIST, TWIST_STAMPED
 from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.field import ONE
+from masmc_ros.params.declaration import MutableValues
 from masmc_ros.robot.declaration import Mechanism, Quantity, URDF
 from masmc_ros.robot.joint_names import (
     joint_names_of,
@@ -116,7 +117,7 @@ class Run:
     arm_rates: decode.Series
     reference: Array | None
     telemetry: dict[str, decode.Series]
-    parameters: dict[str, dict[str, Any]]
+    parameters: dict[str, MutableValues]
     changes: tuple[ParameterRecord, ...]
     restarted: tuple[str, ...]
     topics: dict[str, int]
@@ -272,7 +273,7 @@ def _contact(topic: Topic | None) -> decode.Series | None:
     return None
 
 
-def _gap_ns(start: Mapping[str, dict[str, Any]]) -> int | None:
+def _gap_ns(start: Mapping[str, MutableValues]) -> int | None:
     """Return the maximum gap of states in real time, in ns; None: an older state is a reset."""
     if _REAL_TIME in (values.get('pacing') for values in start.values()):
         with suppress(KeyError, TypeError, ValueError, OverflowError):
@@ -281,7 +282,7 @@ def _gap_ns(start: Mapping[str, dict[str, Any]]) -> int | None:
 
 
 def _robot(
-    contents: LogContents, namespace: str, start: dict[str, dict[str, Any]]
+    contents: LogContents, namespace: str, start: dict[str, MutableValues]
 ) -> tuple[Mechanism, tuple[str, ...]]:
     """Return the kind of robot and its joints by the plant's or else the controller's values."""
     _insert_description(start, contents, namespace)
@@ -293,13 +294,13 @@ def _robot(
     for values in nodes:
         names = values.get(JOINT_NAMES_PARAMETER)
         if names is not None:
-            checked: Any = joint_names_parameter(mechanism).check(names)
-            return mechanism, joint_names_of(mechanism, checked)
+            checked = joint_names_parameter(mechanism).check(names)
+            return mechanism, joint_names_of(mechanism, cast(tuple[str, ...], checked))
     return mechanism, joint_names_of(mechanism)
 
 
 def _insert_description(
-    start: Mapping[str, dict[str, Any]], contents: LogContents, namespace: str
+    start: Mapping[str, MutableValues], contents: LogContents, namespace: str
 ) -> None:
     """Replace the name of a description file by the published description."""
     topic = contents.topics.get(namespace + message_names.DESCRIPTION_TOPIC)

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import cast, NamedTuple
 
 from masmc_ros.messages.cdr_layout import NANOSECONDS
 from masmc_ros.messages.names import DERIVATIVES, TASK_AXES
@@ -173,8 +173,10 @@ def _between(first: Array, second: Array, period: Array, part: Array) -> Array:
     """Interpolate between samples (n, 3, axes), `period` (n) s apart, at `part` (n) of the way."""
     # The controller's compiled function, on arrays. Imported here: logs of lock-step runs are on
     # the grid, and importing the compiler takes longer than reading such a log.
+    from masmc_ros.numerics.compiled import Formula
     from masmc_ros.numerics.hermite import quintic
 
     # It scales its arguments in place.
     samples = [np.moveaxis(sample, 1, 0).copy() for sample in (first, second)]
-    return np.stack(quintic.py_func(*samples, period[:, None], part[:, None]), axis=1)
+    plain = cast(Formula, quintic).py_func
+    return np.stack(plain(*samples, period[:, None], part[:, None]), axis=1)

@@ -13,10 +13,11 @@ import json
 from pathlib import Path
 import platform
 import subprocess
-from typing import Any, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 from masmc_ros import __version__
 from masmc_ros.messages.parameter_record import ParameterRecord
+from masmc_ros.params.declaration import Values
 
 if TYPE_CHECKING:
     from masmc_ros.log.write.writer import LogWriter
@@ -50,7 +51,7 @@ def write_origin(writer: LogWriter, files: Mapping[str, bytes]) -> None:
 
 def write_parameters(
     writer: LogWriter,
-    parameters: Mapping[str, Mapping[str, Any]],
+    parameters: Mapping[str, Values],
     changes: Iterable[ParameterRecord] = (),
 ) -> None:
     """

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from itertools import chain
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from masmc_ros.log.mcap.chunks import ChannelRows
 from masmc_ros.log.offered_qos import Qos
@@ -28,6 +28,7 @@ from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.messages.string_message import string_message
 from masmc_ros.messages.telemetry import telemetry_messages
 from masmc_ros.messages.transforms import transforms_messages
+from masmc_ros.params.declaration import Values
 from masmc_ros.robot.joint_names import check_frame_prefix, joint_names
 from masmc_ros.robot.robot import robot_description, robot_of
 import numpy as np
@@ -53,7 +54,7 @@ class SimulationLog:
     """
 
     def __init__(
-        self, path: Path, simulation: Simulation, values: Mapping[str, Mapping[str, Any]],
+        self, path: Path, simulation: Simulation, values: Mapping[str, Values],
         files: Mapping[str, bytes],
     ) -> None:
         """
@@ -126,7 +127,7 @@ class SimulationLog:
             self._writer.write(channel, 0, self._desired)
         return self
 
-    def __exit__(self, *exception: Any) -> None:
+    def __exit__(self, *exception: object) -> None:
         """Complete the file, or remove it after an exception."""
         if exception[0] is None:
             parameters = {node: self._values[node] for node in topics.PARAMETER_NODES}

@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Protocol
+from collections.abc import Callable, Sequence
+from typing import Protocol
 
 from geometry_msgs.msg import Twist, TwistStamped
 from masmc_ros.loop.controller import Controller
@@ -14,12 +14,13 @@ from masmc_ros.messages.commands import ARM_VELOCITY, CommandWriter, EFFORT
 from masmc_ros.messages.names import ARM_VELOCITY_TOPIC, CMD_VEL_TOPIC, COMMAND_TOPIC
 from masmc_ros.messages.platform_messages import TwistCdr, TwistStampedCdr
 from masmc_ros.numerics.aliases import Array
+from masmc_ros.params.declaration import Values
 from masmc_ros.robot.joint_names import check_frame_prefix
 import numpy as np
 from rclpy.publisher import Publisher
 from std_msgs.msg import Float64MultiArray
 
-Advertise = Callable[[Any, str], Publisher]
+Advertise = Callable[[type, str], Publisher]
 """Function that creates a publisher for a message type and a topic."""
 
 
@@ -97,7 +98,7 @@ class BaseOutput:
     """Velocities of the base on cmd_vel, and commands of the other joints on a separate topic."""
 
     def __init__(
-        self, controller: Controller, values: Mapping[str, Any], joints: Sequence[str]
+        self, controller: Controller, values: Values, joints: Sequence[str]
     ) -> None:
         """
         Initialise with the controller, its parameters and the names of the driven joints.
@@ -109,7 +110,7 @@ class BaseOutput:
         prefix = check_frame_prefix(values['frame_prefix'])
         base = controller.mechanism.frames[0][1]
         self._twist: TwistCdr | TwistStampedCdr = TwistCdr()
-        self._type: Any = Twist
+        self._type: type = Twist
         if values['enable_stamped_cmd_vel']:
             self._twist, self._type = TwistStampedCdr(prefix, base), TwistStamped
         self._mechanism = controller.mechanism
@@ -157,7 +158,7 @@ class BaseOutput:
         rates = ', '.join(f'{rate:.6g}' for rate in self._joint_command.tolist())
         return {**figures, f"{self._mechanism.groups[-1].name}'s rates (rad/s)": rates}
 
-    def _send(self, velocities: Any, writer: CommandWriter, stamp: int) -> None:
+    def _send(self, velocities: Array, writer: CommandWriter, stamp: int) -> None:
         twist = self._twist
         if isinstance(twist, TwistStampedCdr):
             twist.set_stamp(stamp)

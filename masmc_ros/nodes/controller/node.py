@@ -5,11 +5,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 import math
 import sys
 import time
-from typing import Any
+from typing import Any, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray
 from masmc_ros.control.actions import (
@@ -54,6 +54,7 @@ from masmc_ros.nodes.process.command_line import CommandLine
 from masmc_ros.nodes.process.diagnostics import publish_health
 from masmc_ros.nodes.process.rejected_messages import RejectedMessages
 from masmc_ros.nodes.process.runtime import run
+from masmc_ros.params.declaration import MutableValues, Values
 from masmc_ros.params.text import yaml_text
 from masmc_ros.reference.approach import Approach
 from masmc_ros.reference.windows import ReferenceWindows
@@ -63,11 +64,14 @@ from masmc_ros.robot.robot import robot_of
 import numpy as np
 from numpy.typing import NDArray
 from rclpy.context import Context
+from rclpy.impl.rcutils_logger import RcutilsLogger
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
 _WATCH_PERIOD = 0.02
 """Time in s between two checks for missing states and for compiled laws."""
+
+_Response = TypeVar('_Response', SetBool.Response, Trigger.Response)
 
 
 class ControllerNode(SuiteNode):
@@ -183,7 +187,7 @@ class ControllerNode(SuiteNode):
         windows.add(0, 1e-6, np.zeros((2, sizes['desired'])))
         windows.at(500)
 
-    def _request(self, values: dict[str, Any]) -> Pending:
+    def _request(self, values: MutableValues) -> Pending:
         """Apply requested values, those that need other compiled code when it is ready."""
         effect = self._law_change.request(values, waits=self._is_lockstep)
         self._apply(effect)
@@ -233,11 +237,15 @@ class ControllerNode(SuiteNode):
                 self.parameters.withdraw(effect.withdrawn)
             self._apply(effect)
 
-    def _on_enable(self, request: Any, response: Any) -> Any:
+    def _on_enable(
+        self, request: SetBool.Request, response: SetBool.Response
+    ) -> SetBool.Response:
         actions = self._core.on_enable(time.monotonic(), enabled=request.data)
         return self._respond(response, actions)
 
-    def _on_guide(self, request: Any, response: Any) -> Any:
+    def _on_guide(
+        self, request: SetBool.Request, response: SetBool.Response
+    ) -> SetBool.Response:
         obstacle = self._core.guide_refusal(enabled=request.data)
         if obstacle:
             response.success, response.message = False, obstacle
@@ -245,10 +253,10 @@ class ControllerNode(SuiteNode):
         actions = self._core.on_guide(time.monotonic(), enabled=request.data)
         return self._respond(response, actions)
 
-    def _on_stop(self, _: Any, response: Any) -> Any:
+    def _on_stop(self, _: object, response: Trigger.Response) -> Trigger.Response:
         return self._respond(response, self._core.on_stop(time.monotonic()))
 
-    def _on_clear(self, _: Any, response: Any) -> Any:
+    def _on_clear(self, _: object, response: Trigger.Response) -> Trigger.Response:
         supervisor = self._core.supervisor
         if supervisor.state != FAULT:
             response.success = False
@@ -256,11 +264,11 @@ class ControllerNode(SuiteNode):
             return response
         return self._respond(response, self._core.on_clear(time.monotonic()))
 
-    def _on_reset(self, _: Any, response: Any) -> Any:
+    def _on_reset(self, _: object, response: Trigger.Response) -> Trigger.Response:
         actions = self._core.on_reset_adaptation()
         return self._respond(response, actions, 'theta_hat is that of the nominal model')
 
-    def _respond(self, response: Any, actions: Actions, message: str = '') -> Any:
+    def _respond(self, response: _Response, actions: Actions, message: str = '') -> _Response:
         self._perform(actions)
         response.success, response.message = True, message or self._core.supervisor.text
         return response
@@ -324,7 +332,7 @@ class ControllerNode(SuiteNode):
         self.finished = True
 
 
-def _log(log: Any, level: str, text: str) -> None:
+def _log(log: RcutilsLogger, level: str, text: str) -> None:
     # rclpy identifies a log line by its position, which must have one level.
     if level == 'error':
         log.error(text)
@@ -334,14 +342,14 @@ def _log(log: Any, level: str, text: str) -> None:
         log.info(text)
 
 
-def _stamp_age(plant_values: Mapping[str, Any], period: float) -> float:
+def _stamp_age(plant_values: Values, period: float) -> float:
     """Return the delay of a simulated plant before its stamps in s."""
     delay = plant_values.get('measurement_delay', 0.0)
     is_valid = isinstance(delay, float) and 0.0 <= delay <= 1.0
     return stamp_age(delay, period) if is_valid else 0.0
 
 
-def _check_law(values: Mapping[str, Any]) -> None:
+def _check_law(values: Values) -> None:
     """Raise InputError for a law that cannot be loaded, or does not support the robot."""
     registry.load_for(values['law'], mechanism_from(values))
     # Raises InputError for a command interface whose latency cannot be compensated.

@@ -5,9 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 import time
-from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES
@@ -21,6 +20,7 @@ from masmc_ros.nodes.middleware.past import subscribe_with_past
 from masmc_ros.nodes.middleware.raw_types import raw_class
 from masmc_ros.nodes.process.rejected_messages import RejectedMessages
 from masmc_ros.numerics.aliases import Array
+from masmc_ros.params.declaration import Values
 from masmc_ros.robot.base_pose import BasePose, OLDEST_POSE_NS
 from masmc_ros.robot.dead_reckoning import DeadReckoning
 from masmc_ros.robot.joint_names import driven_joint_names, joint_names
@@ -41,7 +41,7 @@ class StateInput:
     def __init__(
         self,
         node: Node,
-        values: Mapping[str, Any],
+        values: Values,
         robot: Robot,
         rejected_messages: RejectedMessages,
         on_state: Callable[[int, Array, Array], None],

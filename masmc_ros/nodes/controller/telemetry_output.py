@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.signals import PUBLISHED
@@ -20,7 +19,7 @@ class ControllerTelemetry:
     """Publishers of the signals."""
 
     def __init__(
-        self, controller: Controller, decimation: int, advertise: Callable[[Any, str], Publisher]
+        self, controller: Controller, decimation: int, advertise: Callable[[type, str], Publisher]
     ) -> None:
         """Create the topics by `advertise`; none if the decimation is 0."""
         signals = (

@@ -9,7 +9,6 @@ from collections.abc import Callable
 from functools import partial
 import sys
 import time
-from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.messages.names import (
@@ -156,7 +155,7 @@ class LiveNode(SuiteNode):
         if topic.name in SAMPLED:
             self._samples.add(message_type, resolved)
             return
-        handlers: dict[str, Callable[[bytes], Any]] = {
+        handlers: dict[str, Callable[[bytes], object]] = {
             '/parameter_events': self._parameters.on_event,
             DESCRIPTION_TOPIC: self._on_description,
             **{parameters_topic(n): partial(self._on_parameters, n) for n in PARAMETER_NODES},
@@ -164,7 +163,7 @@ class LiveNode(SuiteNode):
         handle = handlers.get(topic.name)
 
         # A function, because rclpy inspects the signature of a callback.
-        def on_message(raw: Any) -> None:
+        def on_message(raw: bytes) -> None:
             if handle is not None:
                 try:
                     handle(raw)

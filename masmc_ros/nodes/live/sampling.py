@@ -11,7 +11,6 @@ without Python. The subscriptions are best-effort, so the senders repeat nothing
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -40,7 +39,7 @@ class Samples:
         )
         self._subscriptions: dict[str, Subscription] = {}
 
-    def add(self, message_type: Any, topic: str) -> None:
+    def add(self, message_type: type, topic: str) -> None:
         """Subscribe to a topic by its full name."""
         self._subscriptions[topic] = self._node.create_subscription(
             message_type, topic, lambda _: None, _LATEST, raw=True

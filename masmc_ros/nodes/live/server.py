@@ -21,6 +21,7 @@ from typing import Any, TYPE_CHECKING
 
 from masmc_ros.errors import InputError, UserError
 from masmc_ros.messages.definitions import definition
+from masmc_ros.params.declaration import MutableValues, Values
 
 if TYPE_CHECKING:
     from foxglove import Parameter
@@ -40,7 +41,7 @@ _PATIENCE = 5.0
 class Change:
     """Request of a client to set parameters, by name; complete after `finish`."""
 
-    values: dict[str, Any]
+    values: MutableValues
     _finished: threading.Event = field(default_factory=threading.Event)
 
     def finish(self) -> None:
@@ -152,7 +153,7 @@ class LiveServer:
         self._viewers: dict[int, set[str]] = {}
         # Clients that get messages; None: all.
         self._served: list[int] | None = None
-        self.values: Mapping[str, Any] = {}
+        self.values: Values = {}
         self.meshes: Mapping[str, Path] = {}
         self._server: Any = None
         self._time_ns = 0
@@ -212,7 +213,7 @@ class LiveServer:
             self._time_ns = time_ns
             self._server.broadcast_time(time_ns)
 
-    def show_values(self, values: Mapping[str, Any]) -> None:
+    def show_values(self, values: Values) -> None:
         """Show current parameter values by names such as `/controller.k_s1`."""
         changed = {n: v for n, v in values.items() if self.values.get(n) != v}
         self.values = {**self.values, **changed}
@@ -346,7 +347,7 @@ class _Listener:
         pass
 
 
-def plain(value: Any) -> Any:
+def plain(value: Any) -> object:
     """Return a parameter's value for the protocol: arrays as lists, infinity and NaN as text."""
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)

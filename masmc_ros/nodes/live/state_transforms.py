@@ -5,12 +5,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.transforms import TransformsCdr
+from masmc_ros.params.declaration import Values
 from masmc_ros.robot.joint_names import check_frame_prefix, joint_names
 from masmc_ros.robot.robot import robot_of
 
@@ -18,7 +16,7 @@ from masmc_ros.robot.robot import robot_of
 class StateTransforms:
     """Conversion of joint states to the messages of a plant on /tf."""
 
-    def __init__(self, values: Mapping[str, Any]) -> None:
+    def __init__(self, values: Values) -> None:
         """
         Initialise with the checked parameter values of the plant.
 

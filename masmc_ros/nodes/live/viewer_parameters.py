@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 import time
 from typing import Any, NamedTuple
@@ -16,7 +16,9 @@ from masmc_ros.messages.topics import PARAMETER_NODES
 from masmc_ros.nodes.live.server import Change, LiveServer, plain
 from masmc_ros.nodes.middleware.messages import deserialized
 from masmc_ros.nodes.parameters.service_call import ServiceCall
+from masmc_ros.params.declaration import Values
 from rcl_interfaces.msg import ParameterEvent
+from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
@@ -56,7 +58,7 @@ class LiveParameters:
         }
         self._pending: list[_Pending] = []
 
-    def on_record(self, node: str, raw: bytes) -> Mapping[str, Any]:
+    def on_record(self, node: str, raw: bytes) -> Values:
         """
         Show the values in a message of a node's topic `~/parameters`, and return them.
 
@@ -118,7 +120,7 @@ class LiveParameters:
                 self._reject(pending.name, f'{pending.node} does not answer')
                 pending.countdown.count()
 
-    def _on_result(self, pending: _Pending, response: Any) -> None:
+    def _on_result(self, pending: _Pending, response: SetParameters.Response) -> None:
         """Show the result of a change, and request the current value."""
         # A third-party node with the same name may send any response.
         if not response.results:
@@ -133,7 +135,7 @@ class LiveParameters:
             pending._replace(service_call=call, on_response=self._on_value)
         )
 
-    def _on_value(self, pending: _Pending, response: Any) -> None:
+    def _on_value(self, pending: _Pending, response: GetParameters.Response) -> None:
         _, _, parameter = pending.name.partition('.')
         for value in response.values:
             try:
@@ -146,13 +148,13 @@ class LiveParameters:
         self._server.show_error(name, reason)
         self._log_error(f'{name} is not set: {reason}')
 
-    def _show(self, node: str, values: Mapping[str, Any]) -> None:
+    def _show(self, node: str, values: Values) -> None:
         self._server.show_values(
             {f'{node}.{name}': plain(value) for name, value in values.items() if value is not None}
         )
 
 
-def _is_broadcast(shown: Any, value: Any) -> bool:
+def _is_broadcast(shown: object, value: object) -> bool:
     """Return True if an array repeats the shown number for every axis."""
     return isinstance(shown, float) and isinstance(value, list) and set(value) == {shown}
 
@@ -184,7 +186,7 @@ class _Pending(NamedTuple):
     on_response: Callable[[_Pending, Any], None]
 
 
-def _ros_parameter(name: str, value: Any) -> Parameter | None:
+def _ros_parameter(name: str, value: object) -> Parameter | None:
     """Return a viewer's value as a ROS 2 parameter; None if it has no ROS 2 type."""
     if isinstance(value, list):
         numbers = [v for v in value if isinstance(v, int | float) and not isinstance(v, bool)]

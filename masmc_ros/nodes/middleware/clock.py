@@ -16,6 +16,7 @@ from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.nodes.middleware.messages import deserialized
+from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 
@@ -23,7 +24,7 @@ _PERIOD = 1.0
 """Time in s between two log lines about rejected messages."""
 
 
-def clock_reader(callback: Callable[[Any], None], log: Any) -> Callable[[bytes], None]:
+def clock_reader(callback: Callable[[Clock], None], log: RcutilsLogger) -> Callable[[bytes], None]:
     """Return a callback for raw messages that passes on valid times and logs the others."""
 
     def read(raw: bytes) -> None:
@@ -44,7 +45,7 @@ class CheckedClockNode(Node):
 
     def create_subscription(
         self,
-        msg_type: Any,
+        msg_type: type,
         topic: str,
         callback: Callable[[Any], None],
         *arguments: Any,

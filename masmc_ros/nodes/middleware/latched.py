@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from collections import deque
 import time
-from typing import Any
 
 from rclpy.duration import Duration
 from rclpy.publisher import Publisher
@@ -37,7 +36,7 @@ class Latched:
     def __init__(self, publisher: Publisher) -> None:
         """Initialise with a transient-local publisher of depth 1."""
         self._publisher = publisher
-        self._waiting: deque[Any] = deque()
+        self._waiting: deque[object] = deque()
         self._sent = -_PATIENCE
         self._is_confirmed = True
 
@@ -46,7 +45,7 @@ class Latched:
         """Full name of the topic."""
         return str(self._publisher.topic_name)
 
-    def publish(self, message: Any) -> None:
+    def publish(self, message: object) -> None:
         """Send a message, or keep it until the previous one has arrived."""
         self._waiting.append(message)
         self.send_waiting()

@@ -15,7 +15,7 @@ from rclpy.serialization import deserialize_message
 _TYPE_NAME = re.compile(r'[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*', re.ASCII)
 
 
-def message_class(type_name: str) -> Any:
+def message_class(type_name: str) -> type:
     """
     Return the class of a message type such as `std_msgs/msg/String`.
 
@@ -30,7 +30,7 @@ def message_class(type_name: str) -> Any:
         raise InputError(f'message type {type_name} is not installed') from None
 
 
-def deserialized(raw: bytes, message_type: Any) -> Any:
+def deserialized(raw: bytes, message_type: type) -> Any:
     """
     Return the message of received bytes.
 

@@ -13,7 +13,6 @@ one subscription gets past messages from the publishers that have them, and new 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 from masmc_ros.nodes.middleware.qos import DEEP, subscription_qos
 from rclpy.event_handler import SubscriptionEventCallbacks
@@ -22,7 +21,7 @@ from rclpy.node import Node
 
 def subscribe_with_past(
     node: Node,
-    message_type: Any,
+    message_type: type,
     topic: str,
     callback: Callable[..., None],
     depth: int = 1,
@@ -47,19 +46,19 @@ def subscribe_with_past(
         Number of messages that wait for the callback; newer ones replace the oldest.
 
     """
-    volatile: list[Any] = []
+    volatile: list[object] = []
     duplicates = _DuplicateFilter(callback, 2 * DEEP)
 
-    def on_past(raw: Any) -> None:
+    def on_past(raw: bytes) -> None:
         if volatile:
             duplicates.process(raw, duplicates.by_past, duplicates.by_volatile)
         else:
             callback(raw)
 
-    def on_volatile(raw: Any) -> None:
+    def on_volatile(raw: bytes) -> None:
         duplicates.process(raw, duplicates.by_volatile, duplicates.by_past)
 
-    def serve_volatile(_: Any) -> None:
+    def serve_volatile(_: object) -> None:
         if not volatile:
             qos = subscription_qos(depth=depth)
             volatile.append(

@@ -63,11 +63,11 @@ class _Callbacks(ctypes.Structure):
     )
 
 
-_alive: list[Any] = []
+_alive: list[object] = []
 """Structures that the middleware may use until the process ends."""
 
 
-def raw_class(type_name: str, type_hash: str | None = None) -> Any:
+def raw_class(type_name: str, type_hash: str | None = None) -> type:
     """
     Return a class for raw publishers and subscriptions of a type.
 
@@ -97,7 +97,7 @@ def raw_class(type_name: str, type_hash: str | None = None) -> Any:
 
 
 @cache
-def _raw_class(type_name: str, type_hash: str) -> Any:
+def _raw_class(type_name: str, type_hash: str) -> type:
     from rclpy.utilities import get_rmw_implementation_identifier
 
     middleware = get_rmw_implementation_identifier()
@@ -171,7 +171,7 @@ def _pointer_of(message_type: Any) -> int:
     return pointer
 
 
-def _capsule(pointer: int) -> Any:
+def _capsule(pointer: int) -> object:
     new = _api('PyCapsule_New', ctypes.py_object, _Pointer, ctypes.c_char_p, _Pointer)
     return new(pointer, None, None)
 

@@ -6,13 +6,17 @@
 from __future__ import annotations
 
 import time
-from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.messages.definitions import Definition
 from masmc_ros.nodes.parameters.service_call import ServiceCall
 from rclpy.node import Node
-from type_description_interfaces.msg import FieldType
+from type_description_interfaces.msg import (
+    Field,
+    FieldType,
+    IndividualTypeDescription,
+    TypeDescription,
+)
 from type_description_interfaces.srv import GetTypeDescription
 
 _SEPARATOR = '=' * 80
@@ -101,7 +105,7 @@ class DefinitionRequest:
         """Destroy the client."""
         self._node.destroy_client(self._client)
 
-    def _definition(self, response: Any) -> Definition:
+    def _definition(self, response: GetTypeDescription.Response) -> Definition:
         if not response.successful:
             raise InputError(
                 f'{self._sender} sends no definition of {self._request.type_name}: '
@@ -116,7 +120,7 @@ class DefinitionRequest:
         return Definition(text, self._request.type_hash)
 
 
-def definition_text(description: Any) -> str:
+def definition_text(description: TypeDescription) -> str:
     """
     Return a TypeDescription as text in the form `ros2msg`, with the types that it uses.
 
@@ -129,7 +133,7 @@ def definition_text(description: Any) -> str:
     return f'{_SEPARATOR}\n'.join(parts)
 
 
-def _fields(description: Any) -> str:
+def _fields(description: IndividualTypeDescription) -> str:
     return ''.join(
         f'{_type_text(field.type)} {field.name}{_default(field)}\n'
         for field in description.fields
@@ -137,7 +141,7 @@ def _fields(description: Any) -> str:
     )
 
 
-def _type_text(field: Any) -> str:
+def _type_text(field: FieldType) -> str:
     kind, primitive = divmod(field.type_id, _KIND_SIZE)
     if primitive == FieldType.FIELD_TYPE_NESTED_TYPE:
         package, _, name = field.nested_type_name.split('/')
@@ -149,5 +153,5 @@ def _type_text(field: Any) -> str:
     return text + ('', f'[{field.capacity}]', f'[<={field.capacity}]', '[]')[kind]
 
 
-def _default(field: Any) -> str:
+def _default(field: Field) -> str:
     return f' {field.default_value}' if field.default_value else ''

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 import sys
 from typing import Any, NamedTuple
 
@@ -13,7 +13,7 @@ from masmc_ros.errors import InputError, suggestion
 from masmc_ros.nodes.middleware.clock import CheckedClockNode
 from masmc_ros.nodes.parameters.services import CheckedParameterService
 from masmc_ros.nodes.process.command_line import CommandLine
-from masmc_ros.params.declaration import check_all, Parameter
+from masmc_ros.params.declaration import check_all, MutableValues, Parameter, Values
 from masmc_ros.params.node_parameters import accepted, drop_foreign, foreign_text
 from masmc_ros.params.text import yaml_text
 from masmc_ros.robot.declaration import Mechanism
@@ -178,7 +178,7 @@ class RosParameters:
         declare: Callable[[Mechanism], Sequence[Parameter]],
         *,
         command_line: CommandLine,
-        check: Callable[[Mapping[str, Any]], None] = lambda _: None,
+        check: Callable[[Values], None] = lambda _: None,
     ) -> None:
         """
         Declare the parameters on the node.
@@ -202,9 +202,9 @@ class RosParameters:
         """
         self._node = node
         self._check = check
-        self._listeners: list[Callable[[dict[str, Any]], None]] = []
-        self._decide: Callable[[dict[str, Any]], Pending] | None = None
-        self._requested: dict[str, Any] = {}
+        self._listeners: list[Callable[[MutableValues], None]] = []
+        self._decide: Callable[[MutableValues], Pending] | None = None
+        self._requested: MutableValues = {}
         self._pending: dict[str, Pending] = {}
         if isinstance(node, ParameterNode):
             node.outcome = self._outcome
@@ -232,11 +232,11 @@ class RosParameters:
         node.add_on_set_parameters_callback(self._validate)
         node.add_post_set_parameters_callback(self._commit)
 
-    def on_change(self, listener: Callable[[dict[str, Any]], None]) -> None:
+    def on_change(self, listener: Callable[[MutableValues], None]) -> None:
         """Call the listener after each change, with the new checked values."""
         self._listeners.append(listener)
 
-    def on_request(self, decide: Callable[[dict[str, Any]], Pending]) -> None:
+    def on_request(self, decide: Callable[[MutableValues], Pending]) -> None:
         """
         Let the node decide when requested values take effect.
 
@@ -246,7 +246,7 @@ class RosParameters:
         """
         self._decide = decide
 
-    def take_effect(self, values: Mapping[str, Any]) -> None:
+    def take_effect(self, values: Values) -> None:
         """Use checked values from now on."""
         self._forget(values)
         new = {name: v for name, v in values.items() if v != self.values[name]}
@@ -270,7 +270,7 @@ class RosParameters:
             ]
         )
 
-    def _coerce(self, changes: list[Any]) -> list[Any]:
+    def _coerce(self, changes: list[rclpy.parameter.Parameter]) -> list[rclpy.parameter.Parameter]:
         """Convert integers to doubles for parameters that are declared as doubles."""
         for change in changes:
             if not self._node.has_parameter(change.name):
@@ -282,7 +282,7 @@ class RosParameters:
             for c in changes
         ]
 
-    def _validate(self, changes: list[Any]) -> SetParametersResult:
+    def _validate(self, changes: list[rclpy.parameter.Parameter]) -> SetParametersResult:
         try:
             self._check({**self.values, **self._requested, **self._checked(changes)})
         except InputError as error:
@@ -290,14 +290,14 @@ class RosParameters:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
-    def _restore_types(self, changes: list[Any]) -> None:
+    def _restore_types(self, changes: list[rclpy.parameter.Parameter]) -> None:
         """Restore the types in the descriptors, which rclpy takes from rejected requests too."""
         for change in changes:
             if self._node.has_parameter(change.name):
                 current = self._node.get_parameter(change.name)
                 self._node.describe_parameter(change.name).type = current.type_.value
 
-    def _commit(self, changes: list[Any]) -> None:
+    def _commit(self, changes: list[rclpy.parameter.Parameter]) -> None:
         values = self._checked(changes)
         if self._decide is None:
             self.take_effect(values)
@@ -328,7 +328,7 @@ class RosParameters:
             self._requested.pop(name, None)
             self._pending.pop(name, None)
 
-    def _checked(self, changes: list[Any]) -> dict[str, Any]:
+    def _checked(self, changes: list[rclpy.parameter.Parameter]) -> MutableValues:
         return {
             c.name: self._declarations[c.name].check(_plain(c.value))
             for c in changes
@@ -353,7 +353,7 @@ def _plain(value: Any) -> Any:
     return value if is_scalar else list(value)
 
 
-def _as_ros(parameter: Parameter, value: Any) -> Any:
+def _as_ros(parameter: Parameter, value: Any) -> object:
     """Return a checked value in the form that rclpy declares."""
     if parameter.broadcast and parameter.kind == 'doubles':
         value = [float(v) for v in value] if isinstance(value, list) else value
@@ -362,7 +362,7 @@ def _as_ros(parameter: Parameter, value: Any) -> Any:
     return [''] if value in (None, (), []) else value
 
 
-def _doubles(parameter: Parameter | None, change: Any) -> Any:
+def _doubles(parameter: Parameter | None, change: rclpy.parameter.Parameter) -> object:
     value = _plain(change.value)
     if parameter is None or parameter.kind not in ('double', 'doubles'):
         return value

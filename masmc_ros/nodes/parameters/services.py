@@ -12,9 +12,10 @@ rclpy's services reject such a request.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
+from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import SetParametersResult
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.parameter import Parameter
 from rclpy.parameter_service import ParameterService
@@ -25,15 +26,21 @@ _TYPES = {kind.value: kind for kind in Parameter.Type}
 class CheckedParameterService(ParameterService):
     """The parameter services of rclpy, with rejection of types unknown to ParameterType."""
 
-    def _set_parameters_callback(self, request: Any, response: Any) -> Any:
+    def _set_parameters_callback(
+        self, request: SetParameters.Request, response: SetParameters.Response
+    ) -> SetParameters.Response:
         response.results = [self._set([message]) for message in request.parameters]
         return response
 
-    def _set_parameters_atomically_callback(self, request: Any, response: Any) -> Any:
+    def _set_parameters_atomically_callback(
+        self,
+        request: SetParametersAtomically.Request,
+        response: SetParametersAtomically.Response,
+    ) -> SetParametersAtomically.Response:
         response.result = self._set(request.parameters)
         return response
 
-    def _set(self, messages: Sequence[Any]) -> SetParametersResult:
+    def _set(self, messages: Sequence[ParameterMessage]) -> SetParametersResult:
         """Set parameters together, or none of them if one is rejected."""
         for message in messages:
             if message.value.type not in _TYPES:

@@ -116,7 +116,7 @@ class ParameterSession:
             raise UserError(f'{node} does not answer within {self._patience:g} s')
         return response
 
-    def _spin_until(self, condition: Callable[[], Any]) -> Any:
+    def _spin_until(self, condition: Callable[[], object]) -> Any:
         """Spin until a condition has a true value, or the patience is over; return the value."""
         limit = time.monotonic() + self._patience
         while not (value := condition()) and time.monotonic() <= limit:

@@ -5,10 +5,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 import time
-from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.law.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CMD_VEL
@@ -17,6 +16,7 @@ from masmc_ros.nodes.middleware.past import subscribe_with_past
 from masmc_ros.nodes.plant.command_sources import base_sources, Source, torque_sources
 from masmc_ros.nodes.process.rejected_messages import RejectedMessages
 from masmc_ros.numerics.aliases import Array
+from masmc_ros.params.declaration import Values
 from masmc_ros.plant.latest_command import CommandPart
 from masmc_ros.robot.joint_names import driven_joint_names
 from masmc_ros.robot.mechanisms import mechanism_from
@@ -46,7 +46,7 @@ class CommandInput:
 
     """
 
-    def __init__(self, values: Mapping[str, Any], rejected_messages: RejectedMessages) -> None:
+    def __init__(self, values: Values, rejected_messages: RejectedMessages) -> None:
         """Initialise the topics of the command interface of checked plant parameters."""
         self.interface: str = values[COMMAND_INTERFACE.name]
         self._is_stamped: bool = values[ENABLE_STAMPED_CMD_VEL.name]

@@ -7,10 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from geometry_msgs.msg import Twist, TwistStamped
 from masmc_ros.errors import InputError
+from masmc_ros.messages import deserialised
 from masmc_ros.messages.cdr_layout import checked_stamp
 from masmc_ros.messages.commands import ArmVelocityCdr, EffortCdr, LabelledCdr
 from masmc_ros.messages.names import ARM_VELOCITY_TOPIC, CMD_VEL_TOPIC, COMMAND_TOPIC
@@ -41,7 +42,7 @@ class Source(NamedTuple):
 
     part: CommandPart
     type_name: str
-    message_type: Any
+    message_type: type
     read: Callable[[bytes], ReceivedCommand]
 
     @property
@@ -133,7 +134,9 @@ def _stamped_twist(
     return read
 
 
-def _velocities(twist: Any, places: Sequence[int]) -> Array:
+def _velocities(
+    twist: TwistCdr | TwistStampedCdr | deserialised.Twist, places: Sequence[int]
+) -> Array:
     """Return the components of a twist that move this base."""
     numbers = twist_numbers(twist)
     for name, number in zip(_COMPONENTS, numbers, strict=True):

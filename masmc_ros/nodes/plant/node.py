@@ -40,6 +40,7 @@ from masmc_ros.plant.plant_core import (
 from masmc_ros.plant.real_time import RealTime
 from rclpy.context import Context
 from rclpy.timer import Timer
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 from std_srvs.srv import SetBool, Trigger
 
 
@@ -141,7 +142,7 @@ class PlantNode(SuiteNode):
         disagreement = self._input.disagreement(self.node, name) if name == 'controller' else None
         return name if disagreement is None else f'{name}: {disagreement}'
 
-    def _has_node(self, endpoints: list[Any], name: str) -> bool:
+    def _has_node(self, endpoints: list[TopicEndpointInfo], name: str) -> bool:
         namespace = self.node.get_namespace()
         return any(e.node_name == name and e.node_namespace == namespace for e in endpoints)
 
@@ -216,12 +217,14 @@ class PlantNode(SuiteNode):
 
     # Services.
 
-    def _on_reset(self, _: Any, response: Any) -> Any:
+    def _on_reset(self, _: object, response: Trigger.Response) -> Trigger.Response:
         self._perform(self._core.on_reset(time.monotonic()))
         response.success, response.message = True, 'the robot is in its initial state, t = 0 s'
         return response
 
-    def _on_pause(self, request: Any, response: Any) -> Any:
+    def _on_pause(
+        self, request: SetBool.Request, response: SetBool.Response
+    ) -> SetBool.Response:
         # A request may arrive long after it was sent: the response has the time of its effect.
         since = f'at {self._time()}' if self._core.has_started else 'before the start of the run'
         self._perform(self._core.on_pause(time.monotonic(), is_paused=request.data))
@@ -229,7 +232,7 @@ class PlantNode(SuiteNode):
         response.message = f'{"paused" if request.data else "running"} {since}'
         return response
 
-    def _on_step(self, _: Any, response: Any) -> Any:
+    def _on_step(self, _: object, response: Trigger.Response) -> Trigger.Response:
         obstacle = self._core.step_refusal()
         response.success = not obstacle
         if not obstacle:

@@ -5,8 +5,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from masmc_ros.errors import InputError
 from masmc_ros.log.traced_paths import ActualPath
 from masmc_ros.loop.timing import Timing
@@ -17,6 +15,7 @@ from masmc_ros.messages.transforms import TransformsCdr
 from masmc_ros.nodes.middleware.raw_types import raw_class
 from masmc_ros.nodes.process.base import SuiteNode
 from masmc_ros.numerics.compiled import bound
+from masmc_ros.params.declaration import MutableValues
 from masmc_ros.robot.joint_names import check_frame_prefix
 from masmc_ros.robot.robot import robot_description, robot_of
 from nav_msgs.msg import Path
@@ -29,7 +28,7 @@ from std_msgs.msg import String
 class RobotDisplay:
     """Publishers of a robot's description, frames and path."""
 
-    def __init__(self, values: dict[str, Any]) -> None:
+    def __init__(self, values: MutableValues) -> None:
         """
         Initialise with the checked values of the plant, and compile the kernels.
 

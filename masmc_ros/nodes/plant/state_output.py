@@ -5,8 +5,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from geometry_msgs.msg import Twist
 from masmc_ros.loop.signals import largest_slip
 from masmc_ros.loop.simulated_robot import SimulatedRobot
@@ -18,6 +16,7 @@ from masmc_ros.messages.telemetry import TelemetryCdr
 from masmc_ros.nodes.middleware.qos import DEEP
 from masmc_ros.nodes.plant.robot_display import RobotDisplay
 from masmc_ros.nodes.process.base import SuiteNode
+from masmc_ros.params.declaration import MutableValues
 from masmc_ros.robot.joint_names import joint_names
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
@@ -28,7 +27,7 @@ from std_msgs.msg import Float64MultiArray
 class StateOutput:
     """Publishers of joint_states, odom, base_twist, contact, clock and the display."""
 
-    def __init__(self, robot: SimulatedRobot, timing: Timing, values: dict[str, Any]) -> None:
+    def __init__(self, robot: SimulatedRobot, timing: Timing, values: MutableValues) -> None:
         """
         Initialise the messages.
 

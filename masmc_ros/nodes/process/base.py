@@ -5,11 +5,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 import signal
 import time
-from typing import Any
 
 from masmc_ros.control.actions import Record
 from masmc_ros.errors import InputError, UserError
@@ -18,6 +17,7 @@ from masmc_ros.nodes.middleware.latched import Latched
 from masmc_ros.nodes.middleware.qos import DEEP, publisher_qos
 from masmc_ros.nodes.parameters.ros_parameters import ParameterNode, RosParameters
 from masmc_ros.nodes.process.command_line import CommandLine
+from masmc_ros.params.declaration import Values
 from masmc_ros.params.node_parameters import declared
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
@@ -73,7 +73,7 @@ class SuiteNode:
         *,
         context: Context,
         command_line: CommandLine,
-        check: Callable[[Mapping[str, Any]], None] = lambda _: None,
+        check: Callable[[Values], None] = lambda _: None,
     ) -> None:
         """
         Create the node and declare its parameters.
@@ -120,7 +120,7 @@ class SuiteNode:
         self.failure: UserError | None = None
 
     def publisher(
-        self, message_type: Any, topic: str, depth: int = DEEP, *, past: bool = True
+        self, message_type: type, topic: str, depth: int = DEEP, *, past: bool = True
     ) -> Publisher:
         """
         Create a publisher whose messages are delivered before the node ends.
@@ -132,11 +132,11 @@ class SuiteNode:
         self._publishers.append(publisher)
         return publisher
 
-    def stream(self, message_type: Any, topic: str) -> Publisher:
+    def stream(self, message_type: type, topic: str) -> Publisher:
         """Create a publisher of messages at every tick, without past messages."""
         return self.publisher(message_type, topic, past=False)
 
-    def latched(self, message_type: Any, topic: str) -> Latched:
+    def latched(self, message_type: type, topic: str) -> Latched:
         """Create a publisher of messages that are valid until the next one."""
         latched = Latched(self.publisher(message_type, topic, 1))
         self._latched.append(latched)

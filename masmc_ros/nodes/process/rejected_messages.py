@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from collections import Counter
 import time
-from typing import Any
 
 from masmc_ros.throttle import Throttle
+from rclpy.impl.rcutils_logger import RcutilsLogger
 
 
 class RejectedMessages:
@@ -23,7 +23,7 @@ class RejectedMessages:
 
     """
 
-    def __init__(self, log: Any, effect: str = 'rejected') -> None:
+    def __init__(self, log: RcutilsLogger, effect: str = 'rejected') -> None:
         """Initialise with the node's logger and the effect on such a message, for the log."""
         self._log = log
         self._effect = effect

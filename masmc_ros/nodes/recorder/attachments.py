@@ -6,12 +6,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
 
 from masmc_ros.log.read.gaps import MISSING
 from masmc_ros.log.write.provenance import write_origin, write_parameters
 from masmc_ros.log.write.writer import LogWriter
 from masmc_ros.messages.parameter_record import ParameterRecord
+from masmc_ros.params.declaration import MutableValues
 
 
 class Attachments:
@@ -40,7 +40,7 @@ class Attachments:
 
         """
         self._files, self._missing = files, missing
-        self.parameters: dict[str, Any] = {}
+        self.parameters: MutableValues = {}
         self._changes: list[ParameterRecord] = []
         self.description: str | None = None
 

@@ -5,15 +5,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from masmc_ros.log.write.recording import Recording
+from rclpy.impl.rcutils_logger import RcutilsLogger
 
 
 class DiskWatch:
     """Log lines about changes since the last look."""
 
-    def __init__(self, recording: Recording, queue_size: float, log: Any) -> None:
+    def __init__(self, recording: Recording, queue_size: float, log: RcutilsLogger) -> None:
         """
         Initialise the watch.
 

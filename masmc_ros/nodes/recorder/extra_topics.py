@@ -7,13 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from contextlib import suppress
-from typing import Any, Protocol
+from typing import Protocol
 
 from masmc_ros.errors import InputError
 from masmc_ros.messages.definitions import Definition, definition
 from masmc_ros.nodes.middleware.type_description import DefinitionRequest
+from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 _NOT_FOUND_YET = '_NODE_NAME_UNKNOWN_'
 """Name of a node that was discovered after its topics."""
@@ -54,7 +56,7 @@ class ExtraTopics:
         self._names = {name for name in names if name} | holds.keys()
         self._requests: dict[str, DefinitionRequest] = {}
 
-    def look(self, node: Node, log: Any, record: Record) -> None:
+    def look(self, node: Node, log: RcutilsLogger, record: Record) -> None:
         """Record the topics that have appeared, with the QoS of their publishers."""
         for topic in tuple(self._names):
             resolved = node.resolve_topic_name(topic)
@@ -74,7 +76,7 @@ class ExtraTopics:
                 request.close()
 
     def _record(
-        self, record: Record, topic: str, senders: list[Any], defined: Definition
+        self, record: Record, topic: str, senders: list[TopicEndpointInfo], defined: Definition
     ) -> None:
         offered = [sender.qos_profile for sender in senders]
         is_latched = all(qos.durability == DurabilityPolicy.TRANSIENT_LOCAL for qos in offered)
@@ -87,7 +89,7 @@ class ExtraTopics:
             defined=defined,
         )
 
-    def _definition(self, node: Node, topic: str, sender: Any) -> Definition | None:
+    def _definition(self, node: Node, topic: str, sender: TopicEndpointInfo) -> Definition | None:
         """
         Return the definition of a topic's type; None until the sender has sent it.
 

@@ -12,7 +12,6 @@ from pathlib import Path
 import sys
 from threading import Thread
 import time
-from typing import Any
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
@@ -239,7 +238,7 @@ class RecorderNode(SuiteNode):
         stamp_of, handler = stamp_reader(topic, type_name), handlers.get(topic)
         is_shared, counts = topic == TRANSFORMS.name, self.counts
 
-        def take(raw: Any) -> None:
+        def take(raw: bytes) -> None:
             if is_shared and not self._frames.are_in(raw):
                 return
             self._last_arrival = time.monotonic()

@@ -5,21 +5,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
-from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.write.recording import clear_recording, Options, Recording
 from masmc_ros.messages.cdr_layout import NANOSECONDS
 from masmc_ros.nodes.recorder.attachments import Attachments
+from masmc_ros.params.declaration import Values
 
 MEGABYTE = 1_000_000
 """Bytes; sizes among the parameters are in MB."""
 
 
-def open_recording(values: Mapping[str, Any], attachments: Attachments) -> Recording:
+def open_recording(values: Values, attachments: Attachments) -> Recording:
     """
     Start the recording by checked parameters.
 

@@ -5,8 +5,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from masmc_ros.messages.topics import TRANSFORMS, transforms_topic
 from masmc_ros.messages.transforms import first_frames, first_names, is_of_robot
 from rclpy.node import Node
@@ -37,7 +35,7 @@ class OwnFrames:
         )
         return False
 
-    def go_by(self, prefix: Any) -> None:
+    def go_by(self, prefix: object) -> None:
         """Use the prefix of the plant."""
         if not isinstance(prefix, str) or prefix == self._prefix:
             return

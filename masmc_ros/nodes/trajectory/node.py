@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import sys
-from typing import Any
 
 from masmc_ros.control.supervisor import would_follow
 from masmc_ros.errors import InputError
@@ -174,7 +173,7 @@ class TrajectoryNode(SuiteNode):
             self._next += count
 
 
-def main(arguments: list[str] | None = None) -> Any:
+def main(arguments: list[str] | None = None) -> int:
     """Run the trajectory node."""
     return run([TrajectoryNode], arguments)
 

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from masmc_ros.numerics.aliases import Array
+from masmc_ros.numerics.aliases import AnyArray, Array
 from masmc_ros.report.draw.style import (
     BLACK,
     BLUE,
@@ -36,7 +36,7 @@ class MapAxis(NamedTuple):
     """Axis of a map."""
 
     name: str
-    values: tuple[Any, ...]
+    values: tuple[object, ...]
 
 
 def map_figure(axes: Sequence[MapAxis], values: Array, label: str) -> Figure:
@@ -82,7 +82,7 @@ def map_figure(axes: Sequence[MapAxis], values: Array, label: str) -> Figure:
 
 
 def draws_figure(
-    drawn: Mapping[str, NDArray[Any]], values: Array, lost: NDArray[np.bool_], label: str
+    drawn: Mapping[str, AnyArray], values: Array, lost: NDArray[np.bool_], label: str
 ) -> Figure:
     """Draw a metric over the values of each draw; lost runs are marks at the upper edge."""
     columns = min(_COLUMNS, len(drawn))
@@ -151,7 +151,7 @@ def _ticks(drawing: Axes, direction: str, axis: MapAxis) -> None:
     })  # fmt: skip
 
 
-def _text(value: Any) -> str:
+def _text(value: object) -> str:
     return f'{value:.4g}' if isinstance(value, float) else plain(str(value))
 
 

@@ -6,11 +6,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 from masmc_ros.law import registry
 from masmc_ros.log.read.reader import Run
+from masmc_ros.params.declaration import Values
 
 _WITH_BOUNDARY_LAYER = frozenset(('saturation', 'tanh', 'sigmoid'))
 
@@ -62,18 +62,18 @@ def _law_label(run: Run) -> str:
     return f'{label}, changed' if any(change.changed for change in run.changes) else label
 
 
-def law_label(controller: Mapping[str, Any]) -> str:
+def law_label(controller: Values) -> str:
     """Return a label such as 'smc, tanh δ 0.2' for a controller's parameter values."""
     if _commands_rates(controller):
         return RATES
     return ', '.join([controller['law'], *_switching(controller)])
 
 
-def _commands_rates(controller: Mapping[str, Any]) -> bool:
+def _commands_rates(controller: Values) -> bool:
     return controller.get('command_interface') == 'velocity'
 
 
-def _switching(controller: Mapping[str, Any]) -> list[str]:
+def _switching(controller: Values) -> list[str]:
     name, law = controller.get('switching'), registry.LAWS.get(controller['law'])
     if not isinstance(name, str) or (law is not None and not law.uses_switching):
         return []

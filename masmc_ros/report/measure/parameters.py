@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 import json
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import Run
@@ -25,9 +25,9 @@ class Change(NamedTuple):
     node: str
     name: str
     """Name of the parameter or of the event."""
-    old: Any
+    old: object
     """None if the log lacks it."""
-    new: Any
+    new: object
     is_event: bool = False
     """Whether it is an event."""
 
@@ -74,6 +74,6 @@ def change_texts(change: Change) -> tuple[str, str]:
     return value_text(change.old), value_text(change.new)
 
 
-def value_text(value: Any) -> str:
+def value_text(value: object) -> str:
     """Return a value in the form of a parameter file, '?' for an unknown one."""
     return '?' if value is None else json.dumps(value, ensure_ascii=False)

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 import math
-from typing import Any
 
 from masmc_ros.law.command_interface import takes_rates
 from masmc_ros.loop.batch_simulation import BatchSimulation
+from masmc_ros.params.declaration import Values
 from masmc_ros.report.measure.metrics import Metrics, Reached, second_half
 from masmc_ros.report.measure.settling import BAND, FLOOR, settled_after
 import numpy as np
@@ -19,7 +19,7 @@ _SETTLING = np.array([BAND, FLOOR])
 
 
 def reduced_metrics(
-    runs: Sequence[Mapping[str, Mapping[str, Any]]],
+    runs: Sequence[Mapping[str, Values]],
 ) -> list[Metrics | float]:
     """
     Compute runs in lanes and return the metrics of each.

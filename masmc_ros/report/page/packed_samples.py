@@ -6,12 +6,10 @@
 from __future__ import annotations
 
 import base64
-from typing import Any
 import zlib
 
-from masmc_ros.numerics.aliases import Array
+from masmc_ros.numerics.aliases import AnyArray, Array
 import numpy as np
-from numpy.typing import NDArray
 
 MOST = 200_000
 """Maximum number of samples of a line; longer lines are reduced to ranges."""
@@ -20,7 +18,7 @@ _LARGEST = float(np.finfo(np.float32).max)
 _NANOSECONDS = 1.0e9
 
 
-def packed_signal(times: Array, values: Array, most: int = MOST) -> dict[str, Any]:
+def packed_signal(times: Array, values: Array, most: int = MOST) -> dict[str, str]:
     """
     Return all samples of a signal, or the minimum and maximum of ranges of samples.
 
@@ -47,7 +45,7 @@ def packed_signal(times: Array, values: Array, most: int = MOST) -> dict[str, An
     }
 
 
-def packed_path(points: Array, most: int = MOST) -> dict[str, Any]:
+def packed_path(points: Array, most: int = MOST) -> dict[str, str]:
     """
     Return points (n, 2) of a path, of more than `most` the first of each range.
 
@@ -76,7 +74,7 @@ def _packed_times(times: Array) -> str:
     return _deflated(np.diff(np.round(times * _NANOSECONDS), prepend=0.0).astype('<f8'))
 
 
-def _deflated(numbers: NDArray[Any]) -> str:
+def _deflated(numbers: AnyArray) -> str:
     """Compress numbers: the first bytes of all, then the second bytes, and so on."""
     planes = numbers.view(np.uint8).reshape(len(numbers), -1).T
     return base64.b64encode(zlib.compress(planes.tobytes())).decode()

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from markupsafe import Markup
 from masmc_ros.report.measure.metrics import Metrics
@@ -49,7 +48,7 @@ def report_page(compared: Sequence[Compared], reached: Sequence[Metrics]) -> str
     )
 
 
-def _run(number: int, entry: Compared, span: tuple[float, float]) -> dict[str, Any]:
+def _run(number: int, entry: Compared, span: tuple[float, float]) -> dict[str, object]:
     """Return the values of a run for the template."""
     run = entry.run
     changes = run_changes(run)
@@ -86,7 +85,7 @@ def _run(number: int, entry: Compared, span: tuple[float, float]) -> dict[str, A
     }
 
 
-def _plots(prefix: str, plots: Sequence[Plot]) -> list[dict[str, Any]]:
+def _plots(prefix: str, plots: Sequence[Plot]) -> list[dict[str, object]]:
     return [
         {
             'id': f'{prefix}-{plot.name}',

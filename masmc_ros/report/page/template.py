@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
@@ -15,7 +14,7 @@ from masmc_ros import __version__
 _STYLE = Path(__file__).with_name('page.css')
 
 
-def rendered(path: Path, **values: Any) -> str:
+def rendered(path: Path, **values: object) -> str:
     """Return the page of a template file with escaped values, the version and the style."""
     environment = Environment(
         loader=FileSystemLoader(path.parent),

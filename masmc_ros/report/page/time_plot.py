@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from html import escape
 from itertools import groupby
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from masmc_ros.numerics.aliases import Array
 from masmc_ros.report.measure.parameters import Change, change_texts
@@ -96,7 +96,7 @@ def time_plot(
     return figure
 
 
-def scatter(name: str, samples: dict[str, Any], colour: str, dash: str) -> go.Scatter:
+def scatter(name: str, samples: dict[str, str], colour: str, dash: str) -> go.Scatter:
     """Return a line whose colour and visible samples the page sets."""
     return go.Scatter(
         name=name,
@@ -107,7 +107,7 @@ def scatter(name: str, samples: dict[str, Any], colour: str, dash: str) -> go.Sc
     )
 
 
-def page_layout() -> dict[str, Any]:
+def page_layout() -> dict[str, object]:
     """Return the layout of all plots of the page."""
     return {
         'template': None,

@@ -13,8 +13,7 @@ triangles, and B between them by rows. It takes (omega, v) to (moment, force).
 
 from __future__ import annotations
 
-from typing import Any
-
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.arrays import read_part, write_part
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.elimination import factor, solve
@@ -49,8 +48,13 @@ _FORCE, _GIVES, _LEFT, _OWN = 3, 6, 7, 8
 
 @kernel
 def forward_dynamics(
-    model: TreeModel, posture: Posture, theta: Any, velocity: Any, forces: Any, gravity: float
-) -> Any:
+    model: TreeModel,
+    posture: Posture,
+    theta: Array,
+    velocity: Array,
+    forces: Array,
+    gravity: float,
+) -> Array:
     """Return the acceleration (n) under forces (n), H^-1 (forces - C nu - g)."""
     acceleration = np.empty(len(velocity))
     write_accelerations(model, posture, theta, velocity, forces, gravity, acceleration)
@@ -61,11 +65,11 @@ def forward_dynamics(
 def write_accelerations(
     model: TreeModel,
     posture: Posture,
-    theta: Any,
-    velocity: Any,
-    forces: Any,
+    theta: Array,
+    velocity: Array,
+    forces: Array,
     gravity: float,
-    acceleration: Any,
+    acceleration: Array,
 ) -> None:
     """
     Write the acceleration (n) under forces (n), H^-1 (forces - C nu - g).
@@ -167,12 +171,12 @@ def _outer(n: Vector, f: Vector, part: float) -> Inertia:
 @kernel
 def _propagate_inertia(
     model: TreeModel,
-    motion_subspaces: Any,
-    motion: Any,
-    velocity: Any,
-    forces: Any,
-    inertias: Any,
-    joints: Any,
+    motion_subspaces: Array,
+    motion: Array,
+    velocity: Array,
+    forces: Array,
+    inertias: Array,
+    joints: Array,
     body: int,
 ) -> None:
     """
@@ -219,12 +223,12 @@ def _propagate_inertia(
 @formula
 def _move_base(
     model: TreeModel,
-    motion_subspaces: Any,
-    inertias: Any,
-    forces: Any,
+    motion_subspaces: Array,
+    inertias: Array,
+    forces: Array,
     gravity: float,
-    motion: Any,
-    acceleration: Any,
+    motion: Array,
+    acceleration: Array,
 ) -> None:
     """Write the acceleration of the base, also in place of its velocity in `motion`."""
     base, size, rotors = base_of(model), len(motion_subspaces), rotors_begin(model)

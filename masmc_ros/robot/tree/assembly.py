@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 import heapq
-from typing import NamedTuple
+from typing import cast, NamedTuple
 
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.numerics.portable_math import sin_cos
@@ -300,9 +300,8 @@ def _merged(
         own = _moments(description.links[name])
         moved = moments_in_parent(frame.rotation, frame.offset, own)
         body = bodies[frame.body]
-        body.inertial_parameters = tuple(
-            a + b for a, b in zip(body.inertial_parameters, moved, strict=True)
-        )
+        total = tuple(a + b for a, b in zip(body.inertial_parameters, moved, strict=True))
+        body.inertial_parameters = cast(Moments, total)
     return bodies, order, frames, (parents, rotations, offsets)
 
 

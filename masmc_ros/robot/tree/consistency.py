@@ -9,8 +9,6 @@ It is for adaptation with independent parameters; `natural_adaptation` preserves
 
 from __future__ import annotations
 
-from typing import Any
-
 from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.tuples import from_index
@@ -20,7 +18,7 @@ import numpy as np
 
 
 @formula
-def _pseudo(theta: Any, at: int, i: int, j: int) -> float:
+def _pseudo(theta: Numbers, at: int, i: int, j: int) -> float:
     """Return an entry of a body's pseudo-inertia, whose parameters start at `at`."""
     if i == 3 and j == 3:
         return theta[at]

@@ -11,8 +11,7 @@ C(nu) nu_r + g with Hdot - 2 C skew-symmetric, linear in the inertial parameters
 
 from __future__ import annotations
 
-from typing import Any
-
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.arrays import read_along, read_part, write_along, write_part
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.scratch import scratch
@@ -62,11 +61,11 @@ MOTION = 18
 def write_motions(
     model: TreeModel,
     posture: Posture,
-    velocity: Any,
-    reference: Any,
-    acceleration: Any,
+    velocity: Array,
+    reference: Array,
+    acceleration: Array,
     gravity: float,
-    motion: Any,
+    motion: Array,
 ) -> None:
     """
     Write velocities, reference velocities and reference accelerations of bodies (B, MOTION).
@@ -105,7 +104,7 @@ def write_motions(
 
 
 @formula
-def _reference_field(motion: Any, body: int) -> tuple[Rotation, Vector]:
+def _reference_field(motion: Array, body: int) -> tuple[Rotation, Vector]:
     """Return A and c of a body, whose points x have the reference acceleration A x + c."""
     omega = read_part(motion, body, 0, VECTOR)
     v = read_part(motion, body, 3, VECTOR)
@@ -116,7 +115,7 @@ def _reference_field(motion: Any, body: int) -> tuple[Rotation, Vector]:
 
 
 @formula
-def moments_about_base(posture: Posture, theta: Any, body: int) -> Moments:
+def moments_about_base(posture: Posture, theta: Array, body: int) -> Moments:
     """Return the inertial parameters of a body about the base's origin."""
     own: Moments = read_along(theta, PER_BODY * body, MOMENTS)
     if body == 0:
@@ -129,7 +128,12 @@ def moments_about_base(posture: Posture, theta: Any, body: int) -> Moments:
 
 @kernel
 def write_forces(
-    model: TreeModel, posture: Posture, theta: Any, motion: Any, acceleration: Any, forces: Any
+    model: TreeModel,
+    posture: Posture,
+    theta: Array,
+    motion: Array,
+    acceleration: Array,
+    forces: Array,
 ) -> None:
     """Write H a_r + C(nu) nu_r + g (n) of the motions that `write_motions` writes."""
     motion_subspaces = posture.motion_subspaces
@@ -162,12 +166,12 @@ def write_forces(
 def inverse_dynamics(
     model: TreeModel,
     posture: Posture,
-    theta: Any,
-    velocity: Any,
-    reference: Any,
-    acceleration: Any,
+    theta: Array,
+    velocity: Array,
+    reference: Array,
+    acceleration: Array,
     gravity: float,
-) -> Any:
+) -> Array:
     """
     Return H a_r + C(nu) nu_r + g (n).
 
@@ -199,12 +203,12 @@ def inverse_dynamics(
 def moment_gradients(
     model: TreeModel,
     posture: Posture,
-    velocity: Any,
-    reference: Any,
-    acceleration: Any,
+    velocity: Array,
+    reference: Array,
+    acceleration: Array,
     gravity: float,
-    error: Any,
-) -> Any:
+    error: Array,
+) -> Array:
     """
     Return Y' sigma (10 B), the gradient for the adaptation of inertial parameters.
 
@@ -220,7 +224,7 @@ def moment_gradients(
 
 @kernel
 def write_gradients(
-    model: TreeModel, posture: Posture, motion: Any, error: Any, gradients: Any
+    model: TreeModel, posture: Posture, motion: Array, error: Array, gradients: Array
 ) -> None:
     """Write Y' sigma of the motions that `write_motions` writes."""
     frames = posture.frames
@@ -242,7 +246,7 @@ def write_gradients(
 
 
 @kernel
-def write_inertia(model: TreeModel, posture: Posture, theta: Any, matrix: Any) -> None:
+def write_inertia(model: TreeModel, posture: Posture, theta: Array, matrix: Array) -> None:
     """Write H (n, n), as `inertia` returns it."""
     motion_subspaces = posture.motion_subspaces
     bodies, base = bodies_of(model), base_of(model)
@@ -278,7 +282,7 @@ def write_inertia(model: TreeModel, posture: Posture, theta: Any, matrix: Any) -
 
 
 @kernel
-def inertia(model: TreeModel, posture: Posture, theta: Any) -> Any:
+def inertia(model: TreeModel, posture: Posture, theta: Array) -> Array:
     """
     Return H (n, n) for inertial parameters (10 B), by composite bodies in O(n depth).
 

@@ -11,10 +11,11 @@ Task, redundancy and physical consistency are in separate files.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.aliases import Array, Numbers
 from masmc_ros.numerics.arrays import array_of, to_vector
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.elimination import factor, solve
@@ -23,6 +24,7 @@ from masmc_ros.numerics.portable_math import sin_cos
 from masmc_ros.numerics.scalars import minus, zero
 from masmc_ros.numerics.scratch import copy_into, scratch
 from masmc_ros.numerics.tuples import elementwise, joined
+from masmc_ros.robot.formula_types import HasGeometry, LawSettings
 from masmc_ros.robot.gradient_step import gradient_step
 from masmc_ros.robot.tree import dynamics
 from masmc_ros.robot.tree.articulated import write_accelerations
@@ -74,23 +76,29 @@ NATURAL = 0
 """Indices of the choices of `adaptation`."""
 
 
+class _Settings(LawSettings):
+    """Settings with the parameter of trees."""
+
+    adaptation: int
+
+
 class Regressor(NamedTuple):
     """Y(q, v, v_r, a_r), which is never formed."""
 
     posture: Posture
-    motions: Any
+    motions: Array
     """(B, MOTION) of the bodies: `dynamics.write_motions`."""
     reference: Numbers
     acceleration: Numbers
 
 
 @cache
-def model_of_axes(count: int) -> Any:
+def model_of_axes(count: int) -> Callable[[HasGeometry], TreeModel]:
     """Return `model_of` for a task of `count` axes, which is a constant of the compiled code."""
     as_many = (0.0,) * count
 
     @formula
-    def model_of(record: Any) -> TreeModel:
+    def model_of(record: HasGeometry) -> TreeModel:
         numbers = in_place(record, 'geometry')
         return TreeModel(numbers, axes_of(numbers, as_many))
 
@@ -185,7 +193,7 @@ def _motions(
     motion: Numbers,
     reference: Numbers,
     acceleration: Numbers,
-) -> Any:
+) -> Array:
     """Return the motions of the bodies for products with Y."""
     motions = np.empty((bodies_of(model), dynamics.MOTION))
     nu, nu_r, a_r = array_of(motion), array_of(reference), array_of(acceleration)
@@ -222,7 +230,7 @@ def regressor_transpose_times(
 
 @formula
 def theta_step(
-    model: TreeModel, settings: Any, theta: Numbers, gradient: Numbers, period: float
+    model: TreeModel, settings: _Settings, theta: Numbers, gradient: Numbers, period: float
 ) -> Numbers:
     """
     Return the parameters after a step of natural adaptation, or of independent adaptation.
@@ -240,19 +248,19 @@ def theta_step(
 
 
 @formula
-def preserves_consistency(model: TreeModel, settings: Any) -> bool:
+def preserves_consistency(model: TreeModel, settings: _Settings) -> bool:
     """Return True if the adaptation is natural."""
     return settings.adaptation == NATURAL
 
 
 @kernel
-def inertia(model: TreeModel, posture: Posture, theta: Numbers) -> Any:
+def inertia(model: TreeModel, posture: Posture, theta: Numbers) -> Array:
     """Return H (n, n)."""
     return dynamics.inertia(model, posture, array_of(theta))
 
 
 @kernel
-def inertia_times(model: TreeModel, inertia: Any, acceleration: Numbers) -> Numbers:
+def inertia_times(model: TreeModel, inertia: Array, acceleration: Numbers) -> Numbers:
     """Return H nudot."""
     values = array_of(acceleration)
     out = scratch(len(values))
@@ -265,7 +273,7 @@ def inertia_times(model: TreeModel, inertia: Any, acceleration: Numbers) -> Numb
 
 
 @kernel
-def inertia_solve(model: TreeModel, inertia: Any, forces: Numbers) -> Numbers:
+def inertia_solve(model: TreeModel, inertia: Array, forces: Numbers) -> Numbers:
     """Return H^-1 f."""
     factors, x = scratch(len(inertia), len(inertia)), array_of(forces)
     copy_into(factors, inertia)

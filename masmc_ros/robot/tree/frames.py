@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.compiled import formula, kernel
@@ -65,7 +65,7 @@ def _turned(q: Quaternion, v: Vector) -> Vector:
 
 
 @kernel
-def transforms(frames: Frames, position: Any) -> Array:
+def transforms(frames: Frames, position: Array) -> Array:
     """
     Return translations in m and quaternions x, y, z, w of all frames in their parents.
 

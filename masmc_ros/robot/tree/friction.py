@@ -14,8 +14,8 @@ only removes energy from sigma, and noise of the rates is not fed back.
 from __future__ import annotations
 
 import math
-from typing import Any
 
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.scratch import copy_into, scratch
 from masmc_ros.robot.tree.model import bodies_of, TreeModel
@@ -34,7 +34,7 @@ def sliding(rate: float) -> float:
 
 @kernel
 def add_friction(
-    model: TreeModel, theta: Any, motion: Any, sign: float, forces: Any
+    model: TreeModel, theta: Array, motion: Array, sign: float, forces: Array
 ) -> None:
     """Add the friction at velocities nu (n) to forces, or subtract it."""
     first, count = PER_BODY * bodies_of(model), len(motion)
@@ -52,7 +52,9 @@ def add_friction(
 
 
 @kernel
-def write_friction_gradient(model: TreeModel, reference: Any, motion: Any, gradient: Any) -> None:
+def write_friction_gradient(
+    model: TreeModel, reference: Array, motion: Array, gradient: Array
+) -> None:
     """Write the friction entries of Y' v for a motion v (n) into a gradient of theta."""
     first, count = PER_BODY * bodies_of(model), len(motion)
     if len(gradient) == first:
@@ -69,7 +71,7 @@ def write_friction_gradient(model: TreeModel, reference: Any, motion: Any, gradi
 
 @kernel
 def adapt_friction(
-    model: TreeModel, theta: Any, gradient: Any, gamma: Any, period: float
+    model: TreeModel, theta: Array, gradient: Array, gamma: Array, period: float
 ) -> None:
     """Advance the coefficients in theta by a step down the gradient, with a minimum of zero."""
     for j in range(PER_BODY * bodies_of(model), len(theta)):

@@ -5,11 +5,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import cast
 import xml.etree.ElementTree as ElementTree
 
 from masmc_ros.errors import InputError
 from masmc_ros.numerics.aliases import Array
+from masmc_ros.params.declaration import MutableValues
 from masmc_ros.robot.declaration import URDF
 from masmc_ros.robot.robot import Robot
 from masmc_ros.robot.tree.assembly import pseudo_inertia
@@ -23,21 +24,21 @@ _AHEAD = 0.05
 
 def payload_factors(robot: Robot) -> Array:
     """Return the changes (p, 10) of theta by the moments of a payload on the body of the tip."""
-    mechanism: Any = robot.mechanism
+    mechanism = cast(TreeMechanism, robot.mechanism)
     body = mechanism.robot.frames[mechanism.tips[0]].body
     factors = np.zeros((len(robot.theta), PER_BODY))
     factors[PER_BODY * body:PER_BODY * (body + 1)] = np.eye(PER_BODY)
     return factors
 
 
-def values_of(robot: Robot, theta: Array) -> dict[str, Any]:
+def values_of(robot: Robot, theta: Array) -> MutableValues:
     """
     Return the values of `robot.` parameters of a robot with these inertial parameters (p).
 
     The description is a text. The first link of each moving body has the inertia of the body, and
     links that are fixed to it have none. Wheels keep theirs.
     """
-    mechanism: Any = robot.mechanism
+    mechanism = cast(TreeMechanism, robot.mechanism)
     bodies = theta.reshape(-1, PER_BODY)
     values = dict(mechanism.choice)
     values[URDF] = _text(mechanism, bodies)
@@ -85,9 +86,9 @@ def _inertial(moments: Array) -> ElementTree.Element:
     return element
 
 
-def exciting_task(robot: Robot) -> dict[str, Any]:
+def exciting_task(robot: Robot) -> MutableValues:
     """Return the values of parameters whose task determines the motion of all joints."""
-    mechanism: Any = robot.mechanism
+    mechanism = cast(TreeMechanism, robot.mechanism)
     kind = mechanism.choice['robot.base']
     if kind == 'fixed':
         return {'robot.task': ('joints',)}

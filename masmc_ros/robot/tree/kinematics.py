@@ -16,8 +16,9 @@ Body 0 is the base, every body comes after its parent. SI units, radians; z of t
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.arrays import read_part, split_buffer, write_part
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.portable_math import padded, sin_cos, write_sines_and_cosines
@@ -62,9 +63,9 @@ class Posture(NamedTuple):
     Loops read its arrays in advance, because each access counts a reference, which takes time.
     """
 
-    frames: Any
+    frames: Array
     """(B, 13) rotation, row by row, origin in m, and position of the joint in rad or m."""
-    motion_subspaces: Any
+    motion_subspaces: Array
     """(n, 6) motion per velocity: angular velocity, and velocity at the base's origin."""
     sine: float
     """Of the base's yaw."""
@@ -82,7 +83,7 @@ def joint_position(posture: Posture, body: int) -> float:
 
 @kernel
 def place(
-    model: TreeModel, x: float, y: float, yaw: float, position: Any, first: int
+    model: TreeModel, x: float, y: float, yaw: float, position: Array, first: int
 ) -> Posture:
     """
     Return the positions of all bodies.
@@ -141,7 +142,7 @@ def place(
 
 
 @formula
-def base_motion(base: int, rates: Any) -> tuple[Vector, Vector]:
+def base_motion(base: int, rates: Array) -> tuple[Vector, Vector]:
     """Return angular velocity and velocity of the base, in its own frame."""
     if base == DIFFERENTIAL:
         return (0.0, 0.0, rates[1]), (rates[0], 0.0, 0.0)
@@ -157,7 +158,7 @@ def crossed(w: Vector, v: Vector, sw: Vector, sv: Vector) -> tuple[Vector, Vecto
 
 
 @formula
-def sum_of(motion: Any, body: int, first: int, w: Vector, v: Vector) -> tuple[Vector, Vector]:
+def sum_of(motion: Array, body: int, first: int, w: Vector, v: Vector) -> tuple[Vector, Vector]:
     """Return the sum of the motion in a row and another motion."""
     return (
         add(read_part(motion, body, first, VECTOR), w),
@@ -167,7 +168,7 @@ def sum_of(motion: Any, body: int, first: int, w: Vector, v: Vector) -> tuple[Ve
 
 @formula
 def write_velocity(
-    model: TreeModel, motion_subspaces: Any, rates: Any, motion: Any, first: int, body: int
+    model: TreeModel, motion_subspaces: Array, rates: Array, motion: Array, first: int, body: int
 ) -> tuple[Vector, Vector]:
     """Write and return the motion of a body, after that of its parent; see `velocities`."""
     base = base_of(model)
@@ -184,7 +185,9 @@ def write_velocity(
 
 
 @kernel
-def velocities(model: TreeModel, posture: Posture, rates: Any, motion: Any, first: int) -> None:
+def velocities(
+    model: TreeModel, posture: Posture, rates: Array, motion: Array, first: int
+) -> None:
     """Write the motions of all bodies at rates (n) into [:, first to first + 6] of `motion`."""
     motion_subspaces = posture.motion_subspaces
     for body in range(bodies_of(model)):
@@ -192,7 +195,7 @@ def velocities(model: TreeModel, posture: Posture, rates: Any, motion: Any, firs
 
 
 @formula
-def power(motion_subspaces: Any, k: int, moment: Vector, force: Vector) -> float:
+def power(motion_subspaces: Array, k: int, moment: Vector, force: Vector) -> float:
     """Return the power of a wrench per velocity k."""
     return inner(read_part(motion_subspaces, k, 0, VECTOR), moment) + inner(
         read_part(motion_subspaces, k, 3, VECTOR), force
@@ -223,7 +226,7 @@ def towards_base(model: TreeModel, base: int, k: int) -> int:
 
 @kernel
 def point_velocity(
-    model: TreeModel, posture: Posture, velocity: Any, body: int, point: Vector
+    model: TreeModel, posture: Posture, velocity: Array, body: int, point: Vector
 ) -> tuple[Vector, Vector]:
     """Return a point's velocity and its body's angular velocity in the world."""
     moved = scratch(bodies_of(model), 6)
@@ -234,7 +237,7 @@ def point_velocity(
 
 
 @kernel
-def point_jacobian(model: TreeModel, posture: Posture, body: int, point: Vector) -> Any:
+def point_jacobian(model: TreeModel, posture: Posture, body: int, point: Vector) -> Array:
     """
     Return the Jacobian of a body's point, in the world's frame.
 
@@ -261,7 +264,7 @@ def point_jacobian(model: TreeModel, posture: Posture, body: int, point: Vector)
 
 @kernel
 def write_jacobian(
-    model: TreeModel, posture: Posture, body: int, point: Vector, columns: Any
+    model: TreeModel, posture: Posture, body: int, point: Vector, columns: Array
 ) -> None:
     """Write the result of `point_jacobian`."""
     motion_subspaces = posture.motion_subspaces
@@ -278,8 +281,8 @@ def write_jacobian(
 
 @kernel
 def point_jacobian_rate(
-    model: TreeModel, posture: Posture, velocity: Any, body: int, point: Vector
-) -> Any:
+    model: TreeModel, posture: Posture, velocity: Array, body: int, point: Vector
+) -> Array:
     """Return the time derivative of `point_jacobian` at velocities nu (n)."""
     columns = np.empty((len(posture.motion_subspaces), 6))
     write_jacobian_rate(model, posture, velocity, body, point, columns)
@@ -288,7 +291,7 @@ def point_jacobian_rate(
 
 @kernel
 def write_jacobian_rate(
-    model: TreeModel, posture: Posture, velocity: Any, body: int, point: Vector, columns: Any
+    model: TreeModel, posture: Posture, velocity: Array, body: int, point: Vector, columns: Array
 ) -> None:
     """Write the result of `point_jacobian_rate`."""
     motion_subspaces = posture.motion_subspaces
@@ -322,7 +325,7 @@ def add_point_forces(
     point: Vector,
     force: Vector,
     moment: Vector,
-    generalised: Any,
+    generalised: Array,
 ) -> None:
     """Add the generalised forces of a force and moment on a point, in the world, to forces (n)."""
     motion_subspaces = posture.motion_subspaces

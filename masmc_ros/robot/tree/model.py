@@ -11,8 +11,9 @@ array.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.arrays import read_along
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.tuples import elementwise
@@ -49,7 +50,7 @@ class Tree(NamedTuple):
 class TreeModel(NamedTuple):
     """Tree, its wheels, and its task."""
 
-    numbers: Any
+    numbers: Array
     """Result of `packed`."""
     axes: tuple[float, ...] = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0)
     """Places of the task's axes among the coordinates of `task.py`."""
@@ -118,7 +119,7 @@ def packed(
     speeds = np.full(tree.base + len(tree.parent) - 1, np.inf)
     speeds[:] = np.inf if speed_limits is None else speed_limits
     bodies = np.column_stack([tree.parent, tree.kind, *_turned(tree), tree.offset])
-    parts: tuple[Any, ...] = (
+    parts: tuple[ArrayLike, ...] = (
         (len(tree.parent), tree.base, len(frames), posture_gain, damping, least_pivot,
          drift_rate, DAMPED_TIME if np.isfinite(speeds).any() else 0.0),
         axes, bodies, mobility, posture, wheels,
@@ -158,7 +159,7 @@ def _turned(tree: Tree) -> tuple[NDArray[np.float64], ...]:
 
 
 @formula
-def axes_of(numbers: Any, template: tuple[float, ...]) -> tuple[float, ...]:
+def axes_of(numbers: Array, template: tuple[float, ...]) -> tuple[float, ...]:
     """Return the indices of the task axes, as a tuple as long as `template`."""
     axes: tuple[float, ...] = read_along(numbers, _AXES, template)
     return axes

@@ -17,8 +17,8 @@ is of second order in T, and positive definite for any X. Matrices are in the or
 from __future__ import annotations
 
 import math
-from typing import Any
 
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.arrays import array_of, read_down, to_vector, write_down
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.portable_math import AT_ONCE
@@ -45,13 +45,13 @@ _GRADIENT, _NOMINAL, _STEP = PER_BODY, 2 * PER_BODY, 3 * PER_BODY
 @kernel
 def adapted(
     model: TreeModel,
-    theta: Any,
-    nominal: Any,
-    gradient: Any,
-    gamma: Any,
+    theta: Numbers,
+    nominal: Numbers,
+    gradient: Numbers,
+    gamma: Numbers,
     period: float,
     upper: float,
-) -> Any:
+) -> Numbers:
     """
     Return the parameters of all bodies and of friction after a step of natural adaptation.
 

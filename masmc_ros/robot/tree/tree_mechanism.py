@@ -9,13 +9,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from types import SimpleNamespace
-from typing import Any
 import xml.etree.ElementTree as ElementTree
 
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.tuples import LONGEST
-from masmc_ros.params.declaration import Parameter
+from masmc_ros.params.declaration import MutableValues, Parameter, Value, Values
 from masmc_ros.robot.declaration import (
     Coordinate,
     Group,
@@ -194,11 +193,11 @@ class TreeMechanism(Mechanism):
     """Links of the task; the tip of the robot for tasks of joints."""
     held: Mapping[str, float]
     """Positions of the held joints by name."""
-    made_of: Mapping[str, Any]
+    made_of: Values
     """Values of the parameters that describe it."""
 
     @property
-    def choice(self) -> dict[str, Any]:
+    def choice(self) -> MutableValues:
         """Return the parameter values that select it, also in another process."""
         return dict(self.made_of)
 
@@ -225,7 +224,7 @@ class TreeMechanism(Mechanism):
         return ' '.join(map(str, (self.name, *sizes)))
 
     @cached_property
-    def formulas(self) -> Any:
+    def formulas(self) -> SimpleNamespace:
         """Return the formulas of all trees, and the functions for names and URDF of this one."""
         own = {
             name: getattr(self, f'_{name}')
@@ -237,12 +236,12 @@ class TreeMechanism(Mechanism):
         of_size = {'model_of': kernels.model_of_axes(len(self.axes))}
         return SimpleNamespace(**{**vars(kernels), **own, **of_size})
 
-    def _constants(self, values: Mapping[str, Any]) -> tuple[Array, Array]:
+    def _constants(self, values: Values) -> tuple[Array, Array]:
         """Return the model as one vector, and theta: inertial parameters, then friction."""
         return self.model, np.concatenate([self.robot.inertial_parameters.ravel(), self.friction])
 
     def _start(
-        self, values: Mapping[str, Any], pose: tuple[float, ...], angles: tuple[float, ...]
+        self, values: Values, pose: tuple[float, ...], angles: tuple[float, ...]
     ) -> tuple[float, ...]:
         return (*pose, *angles)
 
@@ -296,7 +295,7 @@ class TreeMechanism(Mechanism):
         return frame_poses
 
     def _description(
-        self, values: Mapping[str, Any], driven: Sequence[str], frame_prefix: str
+        self, values: Values, driven: Sequence[str], frame_prefix: str
     ) -> str:
         """Return the URDF, with renamed joints and frames if requested."""
         own = [joint.name for joint in self.joints]
@@ -351,7 +350,7 @@ def described(urdf: str) -> tuple[str, Description, str]:
     return path.read_text(encoding='utf-8'), description, str(path)
 
 
-def tree_mechanism(values: Mapping[str, Any]) -> TreeMechanism:
+def tree_mechanism(values: Values) -> TreeMechanism:
     """
     Return the mechanism of values of URDF and PARAMETERS, checked or not.
 
@@ -362,8 +361,8 @@ def tree_mechanism(values: Mapping[str, Any]) -> TreeMechanism:
 
 
 @lru_cache(maxsize=16)
-def _made(urdf: str, own: tuple[Any, ...]) -> TreeMechanism:
-    values: dict[str, Any] = {p.name: value for p, value in zip(_DESCRIBING, own, strict=True)}
+def _made(urdf: str, own: tuple[Value, ...]) -> TreeMechanism:
+    values: MutableValues = {p.name: value for p, value in zip(_DESCRIBING, own, strict=True)}
     text, description, where = described(urdf)
     names, wheels = values['robot.held_joints'], values['robot.wheels']
     angles = _as_many(values['robot.held_positions'], len(names), 'robot.held_positions')
@@ -470,7 +469,7 @@ def _made(urdf: str, own: tuple[Any, ...]) -> TreeMechanism:
     return mechanism
 
 
-def _rest(robot: TreeRobot, values: Mapping[str, Any]) -> Array:
+def _rest(robot: TreeRobot, values: Values) -> Array:
     """Return the posture of the joints."""
     return _as_many(values['robot.posture'], len(robot.joints), 'robot.posture')
 
@@ -486,7 +485,7 @@ def _speed_limits(
 
 
 def _model(
-    robot: TreeRobot, task: Task, values: Mapping[str, Any], speed_limits: Array
+    robot: TreeRobot, task: Task, values: Values, speed_limits: Array
 ) -> Array:
     """Return the model as one vector."""
     base = robot.tree.base
@@ -510,7 +509,7 @@ def _model(
     )
 
 
-def _friction(robot: TreeRobot, values: Mapping[str, Any], joints: int) -> Array:
+def _friction(robot: TreeRobot, values: Values, joints: int) -> Array:
     """Return the coefficients of friction of all joints, viscous ones first, or none."""
     kind = values['robot.friction']
     if kind == FRICTIONLESS:

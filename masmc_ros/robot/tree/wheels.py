@@ -16,9 +16,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from masmc_ros.errors import InputError
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.elimination import factor, solve
 from masmc_ros.numerics.portable_math import sin_cos
@@ -232,19 +233,19 @@ def _inverse(matrix: NDArray[np.float64], what: str) -> NDArray[np.float64]:
 
 
 @formula
-def into_base(model: TreeModel, values: Any, transposed: bool) -> None:
+def into_base(model: TreeModel, values: Array, transposed: bool) -> None:
     """Map the base's part of a vector from the wheels' rates, or from torques by the inverse's."""
     _map(model, values, transposed, not transposed)
 
 
 @formula
-def into_wheels(model: TreeModel, values: Any, transposed: bool) -> None:
+def into_wheels(model: TreeModel, values: Array, transposed: bool) -> None:
     """Map the base's part of a vector to the wheels' rates, or to torques by the inverse's."""
     _map(model, values, transposed, transposed)
 
 
 @kernel
-def _map(model: TreeModel, values: Any, transposed: bool, by_base_rates: bool) -> None:
+def _map(model: TreeModel, values: Array, transposed: bool, by_base_rates: bool) -> None:
     base = base_of(model)
     if base == FIXED:
         return

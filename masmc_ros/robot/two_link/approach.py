@@ -17,8 +17,8 @@ in reach. The differences of psi and x_F decay as those of other robots do.
 from __future__ import annotations
 
 import math
-from typing import Any
 
+from masmc_ros.numerics.aliases import Array, Records
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.hermite import quintic
 from masmc_ros.numerics.lanes import lane_of
@@ -57,7 +57,7 @@ def _polar(
 
 
 @formula
-def _arm_of(row: Any) -> tuple[float, float, float, float, float, float, float]:
+def _arm_of(row: Array) -> tuple[float, float, float, float, float, float, float]:
     """Return `_polar` of a sample (12): position, velocity and acceleration of E and F."""
     return _polar(
         row[0] - row[2],
@@ -71,14 +71,14 @@ def _arm_of(row: Any) -> tuple[float, float, float, float, float, float, float]:
 
 @kernel
 def approach_start(
-    body: Any,
-    position: Any,
-    rates: Any,
-    reference: Any,
+    body: Records,
+    position: Array,
+    rates: Array,
+    reference: Array,
     speed: float,
-    distance: Any,
-    motion: Any,
-    start: Any,
+    distance: Array,
+    motion: Array,
+    start: Array,
 ) -> float:
     """
     Write the distance to the reference, the motion of the robot, and its start.
@@ -116,14 +116,14 @@ def approach_start(
 
 @kernel
 def approach_sample(
-    body: Any,
-    reference: Any,
-    distance: Any,
-    motion: Any,
-    start: Any,
+    body: Records,
+    reference: Array,
+    distance: Array,
+    motion: Array,
+    start: Array,
     duration: float,
     part: float,
-    out: Any,
+    out: Array,
 ) -> None:
     """Write what is followed (12) at `part` (0 to 1) of an approach of so many s."""
     model = mechanism.model_of(lane_of(body[0], 0))

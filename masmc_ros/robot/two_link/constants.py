@@ -5,11 +5,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 from masmc_ros.errors import InputError
 from masmc_ros.numerics.portable_math import sin_cos
+from masmc_ros.params.declaration import Values
 from masmc_ros.robot.two_link.dynamics import BaseParameters
 from masmc_ros.robot.two_link.geometry import Geometry
 import numpy as np
@@ -18,7 +16,7 @@ from numpy.typing import NDArray
 _SHORTEST_ARM_BASE = 1.0e-3
 
 
-def constants(values: Mapping[str, Any]) -> tuple[Geometry, BaseParameters]:
+def constants(values: Values) -> tuple[Geometry, BaseParameters]:
     """
     Return the lengths and base parameters of checked values, named as in ROBOT without `robot.`.
 
@@ -42,7 +40,7 @@ def constants(values: Mapping[str, Any]) -> tuple[Geometry, BaseParameters]:
 
 
 def start(
-    values: Mapping[str, Any], pose: tuple[float, ...], angles: tuple[float, ...]
+    values: Values, pose: tuple[float, ...], angles: tuple[float, ...]
 ) -> tuple[float, ...]:
     """Return the positions for a pose (x, y, yaw) of C and joint angles."""
     x, y, yaw = pose

@@ -12,9 +12,10 @@ model does not have are physically plausible: heights, shapes, and inertias abou
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 from xml.etree import ElementTree as Xml
 
+from masmc_ros.params.declaration import Values
 from masmc_ros.robot.two_link.constants import constants
 from masmc_ros.robot.two_link.frames import frame_origins, link_thickness, PLATFORM_TOP
 from masmc_ros.robot.two_link.geometry import Geometry
@@ -52,7 +53,7 @@ class _Shape(NamedTuple):
     roll: float = 0.0
 
 
-def description(values: Mapping[str, Any], driven: Sequence[str], frame_prefix: str) -> str:
+def description(values: Values, driven: Sequence[str], frame_prefix: str) -> str:
     """
     Return the URDF of a robot.
 

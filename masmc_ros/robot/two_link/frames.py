@@ -12,8 +12,7 @@ in the elbow, and `end_effector` in E. Their x and y are those of (1).
 
 from __future__ import annotations
 
-from typing import Any
-
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.portable_math import sin_cos
 from masmc_ros.robot.two_link.geometry import Geometry
@@ -51,7 +50,7 @@ def frame_origins(lengths: ArrayLike) -> NDArray[np.float64]:
 
 
 @kernel
-def frame_transforms(origins: Any, position: Any) -> NDArray[np.float64]:
+def frame_transforms(origins: Array, position: Array) -> NDArray[np.float64]:
     """
     Return the transforms (n, 6, 7) of states, as FRAMES lists them.
 

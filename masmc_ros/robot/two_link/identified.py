@@ -5,10 +5,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from masmc_ros.errors import InputError
 from masmc_ros.numerics.aliases import Array
+from masmc_ros.params.declaration import MutableValues
 from masmc_ros.robot.robot import Robot
 from masmc_ros.robot.two_link.dynamics import BaseParameters
 from masmc_ros.robot.two_link.geometry import Geometry
@@ -40,7 +39,7 @@ def payload_factors(robot: Robot) -> Array:
     return factors
 
 
-def values_of(robot: Robot, theta: Array) -> dict[str, Any]:
+def values_of(robot: Robot, theta: Array) -> MutableValues:
     """
     Return the values of `robot.` parameters of a robot with these base parameters (7).
 
@@ -104,6 +103,6 @@ def _values(
     return values if min(inertias) > 0.0 else None
 
 
-def exciting_task(robot: Robot) -> dict[str, Any]:
+def exciting_task(robot: Robot) -> MutableValues:
     """Return the values of parameters whose task determines the motion of all joints."""
     return {}

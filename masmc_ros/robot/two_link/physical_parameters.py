@@ -5,15 +5,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from masmc_ros.params.declaration import Parameter
 
 
 def _length(name: str, default: float, description: str, *, positive: bool = True) -> Parameter:
     # Smaller lengths overflow when they are divided by.
-    bounds: dict[str, Any] = {'minimum': 1e-6} if positive else {}
-    return Parameter(f'robot.{name}', default, description, unit='m', **bounds)
+    minimum = 1e-6 if positive else None
+    return Parameter(f'robot.{name}', default, description, unit='m', minimum=minimum)
 
 
 def _inertial(

@@ -5,8 +5,7 @@
 
 from __future__ import annotations
 
-from typing import Any
-
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.portable_math import sin_cos
 import numpy as np
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 
 @kernel
 def base_motion(
-    position: Any, velocity: Any
+    position: Array, velocity: Array
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """
     Return poses (n, 7) and twists (n, 6) of states, positions and velocities (n, 7).

@@ -10,10 +10,9 @@ both arm joints; `motion` are the quasi-velocities (u, w, A, B) of this folder's
 
 from __future__ import annotations
 
-from typing import Any
-
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.portable_math import sin_cos
+from masmc_ros.robot.formula_types import HasGeometry
 from masmc_ros.robot.forward_dynamics import joint_accelerations
 from masmc_ros.robot.gradient_step import preserves_consistency, theta_step
 from masmc_ros.robot.square_task import (
@@ -67,7 +66,7 @@ MODEL = Geometry
 
 
 @formula
-def model_of(record: Any) -> Geometry:
+def model_of(record: HasGeometry) -> Geometry:
     """Return the lengths that a record holds."""
     lengths = record.geometry
     return Geometry(lengths[0], lengths[1], lengths[2], lengths[3], lengths[4])

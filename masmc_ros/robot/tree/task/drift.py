@@ -21,12 +21,11 @@ LONGEST_LIMITED. Noise alone drives torques from one limit to the other.
 
 from __future__ import annotations
 
-from typing import Any
-
 from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.scalars import minus
 from masmc_ros.numerics.tuples import dot, elementwise, least
+from masmc_ros.robot.formula_types import LawMemory, LawSettings
 from masmc_ros.robot.tree.kinematics import Posture
 from masmc_ros.robot.tree.model import damping_of, drift_rate_of, TreeModel
 from masmc_ros.robot.tree.task.redundancy import motion_from_task
@@ -89,8 +88,8 @@ def _unseen(model: TreeModel, posture: Posture, motion: Numbers) -> Numbers:
 def follow_drift(
     model: TreeModel,
     posture: Posture,
-    settings: Any,
-    memory: Any,
+    settings: LawSettings,
+    memory: LawMemory,
     motion: Numbers,
     reference: Numbers,
     surface: Numbers,

@@ -21,9 +21,7 @@ therefore damped before a joint speed of about 1 / DAMPED_TIME, in rad/s or m/s.
 
 from __future__ import annotations
 
-from typing import Any
-
-from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.aliases import Array, Columns, Numbers
 from masmc_ros.numerics.arrays import array_of, to_vector
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.elimination import factor, solve
@@ -69,7 +67,7 @@ def _mobility(model: TreeModel, posture: Posture, k: int, rate: float) -> tuple[
 
 @kernel
 def _write_mobilities(
-    model: TreeModel, posture: Posture, rates: Any, weights: Any, growths: Any
+    model: TreeModel, posture: Posture, rates: Array, weights: Array, growths: Array
 ) -> None:
     """Write W^-1 and its derivative at rates nu, both (n)."""
     for k in range(len(weights)):
@@ -78,7 +76,7 @@ def _write_mobilities(
 
 @kernel
 def _factored(
-    model: TreeModel, columns: Any, weights: Any, square: float, factorised: Any
+    model: TreeModel, columns: Array, weights: Array, square: float, factorised: Array
 ) -> bool:
     """
     Write the factors of J W^-1 J' + lambda^2, and return True if the task is singular.
@@ -105,7 +103,7 @@ def _factored(
 
 
 @formula
-def _write_compliance(model: TreeModel, columns: Any, weights: Any, compliance: Any) -> None:
+def _write_compliance(model: TreeModel, columns: Array, weights: Array, compliance: Array) -> None:
     """Write J W^-1 J'."""
     m = len(model.axes)
     clear(compliance)
@@ -117,7 +115,7 @@ def _write_compliance(model: TreeModel, columns: Any, weights: Any, compliance: 
 
 
 @formula
-def _along(model: TreeModel, columns: Any, k: int, y: Any) -> float:
+def _along(model: TreeModel, columns: Array, k: int, y: Array) -> float:
     """Return entry k of J' y."""
     total = 0.0
     for i in range(len(model.axes)):
@@ -126,7 +124,7 @@ def _along(model: TreeModel, columns: Any, k: int, y: Any) -> float:
 
 
 @kernel
-def _limit_speeds(model: TreeModel, v_r: Any, a_r: Any) -> None:
+def _limit_speeds(model: TreeModel, v_r: Array, a_r: Array) -> None:
     """Divide nu_r by the excess over the speed limit of the fastest joint, and derive a_r."""
     size, first = len(v_r), inverse_speeds_begin(model)
     speeds = scratch(size)
@@ -219,7 +217,7 @@ def motion_from_task(
 
 
 @kernel
-def _task_inertia(model: TreeModel, posture: Posture, theta: Any) -> Any:
+def _task_inertia(model: TreeModel, posture: Posture, theta: Numbers) -> Array:
     """Return (J H^-1 J')^-1 (m, m), slightly damped if it is singular."""
     m, size = len(model.axes), len(posture.motion_subspaces)
     columns, h = scratch(size, m), scratch(size, size)
@@ -259,16 +257,16 @@ def _task_inertia(model: TreeModel, posture: Posture, theta: Any) -> Any:
 
 
 @formula
-def _entry_of(matrix_and_column: tuple[Any, int], i: int) -> float:
+def _entry_of(matrix_and_column: tuple[Array, int], i: int) -> float:
     return matrix_and_column[0][matrix_and_column[1], i]
 
 
 @formula
-def _column_of(matrix_and_surface: tuple[Any, Numbers], j: int) -> Numbers:
+def _column_of(matrix_and_surface: tuple[Array, Numbers], j: int) -> Numbers:
     return from_index(_entry_of, matrix_and_surface[1], (matrix_and_surface[0], j))
 
 
 @formula
-def task_inertia(model: TreeModel, posture: Posture, theta: Numbers, surface: Numbers) -> Any:
+def task_inertia(model: TreeModel, posture: Posture, theta: Numbers, surface: Numbers) -> Columns:
     """Return (J H^-1 J')^-1 by its columns, kg, kg m and kg m^2."""
     return from_index(_column_of, surface, (_task_inertia(model, posture, theta), surface))

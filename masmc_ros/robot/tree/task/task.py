@@ -12,9 +12,7 @@ velocities are the origins' in m/s, the angular velocities in rad/s and the join
 
 from __future__ import annotations
 
-from typing import Any
-
-from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.aliases import Array, Numbers
 from masmc_ros.numerics.arrays import array_of, read_part, to_vector, write_part
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.scalars import minus
@@ -58,13 +56,13 @@ _ERROR, _ERROR_RATE, _RATE = range(3)
 
 
 @formula
-def _entry(arguments: tuple[TreeModel, Any, int], i: int) -> float:
+def _entry(arguments: tuple[TreeModel, Array, int], i: int) -> float:
     model, values, row = arguments
     return values[row, int(model.axes[i])]
 
 
 @formula
-def _of_task(model: TreeModel, values: Any, row: int) -> Numbers:
+def _of_task(model: TreeModel, values: Array, row: int) -> Numbers:
     """Return the task axes of a row of all coordinates."""
     entries: Numbers = from_index(_entry, model.axes, (model, values, row))
     return entries
@@ -77,7 +75,7 @@ def _coordinates(model: TreeModel) -> int:
 
 
 @formula
-def _put(model: TreeModel, values: Numbers, row: int, out: Any) -> None:
+def _put(model: TreeModel, values: Numbers, row: int, out: Array) -> None:
     """Write the task's axes into a row of all coordinates."""
     entries = array_of(values)
     for i in range(len(model.axes)):
@@ -173,7 +171,7 @@ def forces_from_task(
 
 
 @formula
-def _take(model: TreeModel, frame: int, own: Any, columns: Any) -> None:
+def _take(model: TreeModel, frame: int, own: Array, columns: Array) -> None:
     """Write the task axes of a frame's Jacobian (n, 6) into the Jacobian of the task."""
     for i in range(len(model.axes)):
         axis = axis_of(model, i) - POSE * frame
@@ -183,7 +181,7 @@ def _take(model: TreeModel, frame: int, own: Any, columns: Any) -> None:
 
 
 @kernel
-def write_task_jacobian(model: TreeModel, posture: Posture, columns: Any) -> None:
+def write_task_jacobian(model: TreeModel, posture: Posture, columns: Array) -> None:
     """Write the columns (n, m) of J."""
     base, own = base_of(model), scratch(len(columns), POSE)
     clear(columns)
@@ -199,7 +197,7 @@ def write_task_jacobian(model: TreeModel, posture: Posture, columns: Any) -> Non
 
 @kernel
 def write_task_jacobian_rate(
-    model: TreeModel, posture: Posture, velocity: Any, columns: Any
+    model: TreeModel, posture: Posture, velocity: Array, columns: Array
 ) -> None:
     """Write the time derivative of J at velocities nu (n)."""
     own = scratch(len(columns), POSE)
