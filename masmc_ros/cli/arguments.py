@@ -7,12 +7,9 @@ from __future__ import annotations
 
 import argparse
 import sys
-from typing import Any, NoReturn, TYPE_CHECKING
+from typing import Any, NoReturn
 
 from masmc_ros.errors import suggestion
-
-if TYPE_CHECKING:
-    from _typeshed import SupportsWrite
 
 
 class Parser(argparse.ArgumentParser):
@@ -37,7 +34,7 @@ class Parser(argparse.ArgumentParser):
             hint = suggestion(str(value), map(str, action.choices))
             raise argparse.ArgumentError(action, f"'{value}' is unknown; {hint}")
 
-    def _print_message(self, message: str, file: SupportsWrite[str] | None = None) -> None:
+    def _print_message(self, message: str, file: Any = None) -> None:
         """Print; unlike the library, raise the error if that fails."""
         print(message, end='', file=file or sys.stderr)
 

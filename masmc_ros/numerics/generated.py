@@ -23,8 +23,8 @@ from numba.core.typing.templates import AbstractTemplate, infer_global, Signatur
 from numba.extending import lower_builtin
 
 if TYPE_CHECKING:
-    from llvmlite import ir
     from numba.core import base
+    from numba.core.cgutils import ir
     from numba.core.typing import context as typing_context
 
 Type: TypeAlias = Any

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.timing import LATE_TICKS
-from masmc_ros.params.scenario import Values
+from masmc_ros.params.declaration import Values
 from masmc_ros.reference.approach import Approach
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.robot.robot import robot_of

@@ -13,9 +13,9 @@ from helpers.robots import DEFAULT, Machine
 from helpers.scenario import Scenario
 from masmc_ros.errors import InputError
 from masmc_ros.loop.layer_bound import least_task_inertia, longest_hold, thinnest_layer
-from masmc_ros.params.declaration import check_all
+from masmc_ros.params.declaration import check_all, Values
 from masmc_ros.params.node_parameters import declared
-from masmc_ros.params.scenario import load_scenario, Values
+from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.two_link.paper_robot import TORQUE_LIMIT, TWO_LINK
 import numpy as np
 import pytest

@@ -50,7 +50,7 @@ JITTER = 0.3
 """
 Largest deviation from the usual latency that is compensated, relative to it.
 
-Any constant error of this size is tolerated. Stamps can deceive: a simulated plant that was late
+A constant error of this size is tolerated. Stamps can deceive: a simulated plant that was late
 itself continues from its last tick.
 """
 
