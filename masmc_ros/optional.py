@@ -18,6 +18,7 @@ PACKAGES = {
     'clarabel': 'clarabel',
     'distributed': 'distributed',
     'foxglove': 'foxglove-sdk',
+    'gymnasium': 'gymnasium',
     'lz4': 'lz4',
     'mcap': 'mcap',
     'mcap_ros2': 'mcap-ros2-support',

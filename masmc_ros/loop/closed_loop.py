@@ -273,6 +273,57 @@ def plant_start(
     return is_finite(signals[0])
 
 
+# Kernels of plants that are driven by torques from outside of the package.
+
+
+@kernel
+def track_reference(
+    plant_settings: Records, nominal: Records, signals: Records, reference: Array, tracked: Records
+) -> None:
+    """
+    Write the reference of a tick, and the tracking of it by the state in `signals`.
+
+    Parameters
+    ----------
+    plant_settings, signals
+        See the module docstring; writes `reference` and `error` of `signals`.
+    nominal
+        Record like `plant_settings` with the lengths that the controller assumes.
+    reference
+        Reference of the tick (3 * axes), shared by all lanes.
+    tracked
+        Output, record of `loop.signals.TRACKED`.
+
+    """
+    write_reference(signals[0], reference)
+    for lane in range(lane_count(signals[0])):
+        row, out = lane_of(signals[0], lane), lane_of(tracked[0], lane)
+        x, v, a = thirds(row.reference)
+        model = mechanism.model_of(lane_of(nominal[0], lane))
+        posture = mechanism.posture(model, row.position)
+        motion = mechanism.motion(model, tail(row.velocity, row.torque))
+        follows = mechanism.tracking(model, posture, row.position, motion, (x, v, a))
+        row.error = follows.error
+        out.velocity_error = follows.velocity_error
+        model = mechanism.model_of(lane_of(plant_settings[0], lane))
+        posture = mechanism.posture(model, row.true_position)
+        out.true_error = mechanism.task_error(model, posture, row.true_position, x)
+
+
+@kernel
+def reduce_signals(
+    reduced: Records,
+    signals: Records,
+    points: Integers,
+    settling: Array,
+    tick: int,
+    begin: int,
+    end: int,
+) -> None:
+    """Add the signals of a tick to the reduced ones; see `loop.reduction.reduce_tick`."""
+    reduce_tick(reduced[0], signals[0], points, settling, tick, begin, end)
+
+
 # Checks for NaN and infinity.
 
 

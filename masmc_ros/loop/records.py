@@ -19,7 +19,7 @@ from masmc_ros.law.parts import delay_compensation
 from masmc_ros.law.parts.moving_base import BY_TORQUE, BY_VELOCITY
 from masmc_ros.law.registry import parameters, REACHING, shared_parameters
 from masmc_ros.loop import control
-from masmc_ros.loop.signals import SIGNALS
+from masmc_ros.loop.signals import SIGNALS, TRACKED
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import fill, new_record
 from masmc_ros.params.declaration import Parameter, Values
@@ -155,6 +155,11 @@ def plant_memory(mechanism: Mechanism, lanes: int = 1) -> Records:
 def signals(mechanism: Mechanism, lanes: int = 1) -> Records:
     """Return the signals of a tick."""
     return new_record(SIGNALS, mechanism.sizes, lanes)
+
+
+def tracked(mechanism: Mechanism, lanes: int = 1) -> Records:
+    """Return the record of `TRACKED`."""
+    return new_record(TRACKED, mechanism.sizes, lanes)
 
 
 def read_by(

@@ -62,6 +62,12 @@ SIGNALS = (
 )
 """All signals; the published ones are in the order of topics, columns and plots."""
 
+TRACKED = (
+    Field('velocity_error', 'axes', 'Task velocity as measured, less the desired one'),
+    Field('true_error', 'axes', 'Error of the true position on the true robot'),
+)
+"""Tracking of the reference by a robot that is driven from outside; see `track_reference`."""
+
 OF_PLANT = tuple(signal.name for signal in SIGNALS if signal.of_plant)
 """Names of the signals that the plant writes."""
 

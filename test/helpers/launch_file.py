@@ -79,6 +79,9 @@ def stand_ins() -> Iterator[None]:
         vars(module).update(_MODULES[name])
     with patch.dict(sys.modules, modules):
         yield
+        # Other imports remain: an extension module such as NumPy's cannot be imported twice.
+        imported = {name: m for name, m in sys.modules.items() if name not in modules}
+    sys.modules.update(imported)
 
 
 def launched(folder: Path, **arguments: str) -> list[Started]:

@@ -7,15 +7,44 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 import math
+from typing import NamedTuple
 
 from masmc_ros.law.command_interface import takes_rates
 from masmc_ros.loop.batch_simulation import BatchSimulation
+from masmc_ros.loop.timing import Timing
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.params.declaration import Values
 from masmc_ros.report.measure.metrics import Metrics, Reached, second_half
 from masmc_ros.report.measure.settling import BAND, FLOOR, settled_after
+from masmc_ros.robot.declaration import Mechanism
 import numpy as np
+from numpy.typing import NDArray
 
-_SETTLING = np.array([BAND, FLOOR])
+SETTLING = np.array([BAND, FLOOR])
+"""Band of the settling time as a part of the first distance, and its minimum in m."""
+
+
+class ReducedWindow(NamedTuple):
+    """Window of the metrics of a run of known length: its second half."""
+
+    timing: Timing
+    times: Array
+    """Time (n) of each tick in s."""
+    start: float
+    end: float
+    """start <= t < end in s."""
+    first: int
+    after: int
+    """First tick of the window, and the tick after its last one."""
+
+    @classmethod
+    def of(cls, timing: Timing) -> ReducedWindow:
+        """Return the window of a control grid that ends."""
+        assert timing.last is not None
+        times = np.arange(timing.last + 1, dtype=np.float64) * timing.period
+        start, end = second_half(times)
+        within = np.flatnonzero((start <= times) & (times < end))
+        return cls(timing, times, start, end, int(within[0]), int(within[-1]) + 1)
 
 
 def reduced_metrics(
@@ -36,38 +65,73 @@ def reduced_metrics(
 
     """
     simulation = BatchSimulation(runs)
-    timing, points = simulation.timing, simulation.mechanism.points
-    assert timing.last is not None
-    times = np.arange(timing.last + 1, dtype=np.float64) * timing.period
-    start, end = window = second_half(times)
-    within = np.flatnonzero((start <= times) & (times < end))
-    reduced = simulation.reduce(int(within[0]), int(within[-1]) + 1, _SETTLING)[0]
-    ticks, last = len(within), timing.last
+    window = ReducedWindow.of(simulation.timing)
+    reduced = simulation.reduce(window.first, window.after, SETTLING)[0]
     has_torques = not takes_rates(runs[0]['controller'])
+    return [
+        metrics_of_lane(
+            reduced,
+            lane,
+            window,
+            simulation.mechanism,
+            has_torques=has_torques,
+            estimate=simulation.estimate[:, lane],
+        )
+        for lane in range(len(runs))
+    ]
 
-    def reached(point: int, lane: int) -> Reached:
+
+def metrics_of_lane(
+    reduced: NDArray[np.void] | np.void,
+    lane: int,
+    window: ReducedWindow,
+    mechanism: Mechanism,
+    *,
+    has_torques: bool = True,
+    estimate: Array | None = None,
+) -> Metrics | float:
+    """
+    Return the metrics of a run from its reduced signals, or the time in s at which it diverged.
+
+    Parameters
+    ----------
+    reduced
+        Record of `loop.reduction.REDUCED` after the last tick.
+    lane
+        Lane of the run.
+    window
+        Window of the metrics.
+    mechanism
+        Type of the robot.
+    has_torques
+        True if torques are commanded.
+    estimate
+        Last estimate (parameters) of the base inertial parameters; None without an estimate.
+
+    """
+    if reduced['lost_tick'][lane] >= 0:
+        return window.timing.time(int(reduced['lost_tick'][lane]))
+    ticks, last = window.after - window.first, len(window.times) - 1
+
+    def reached(point: int) -> Reached:
         outside = int(reduced['last_outside'][point, lane])
-        settled = float(times[outside + 1]) if outside < last else math.inf
+        settled = float(window.times[outside + 1]) if outside < last else math.inf
         return Reached(
             rms=math.sqrt(float(reduced['square_sum'][point, lane]) / ticks),
             largest=math.sqrt(float(reduced['largest_square'][point, lane])),
-            settling=settled_after(0.0, settled, end),
+            settling=settled_after(0.0, settled, window.end),
         )
 
-    def metrics(lane: int) -> Metrics | float:
-        if reduced['lost_tick'][lane] >= 0:
-            return timing.time(int(reduced['lost_tick'][lane]))
-        efforts: dict[str, float] = {}
-        if has_torques:
-            square, change = reduced['torque_square_sum'][lane], reduced['torque_change_sum'][lane]
-            efforts['torque_rms'] = math.sqrt(float(square) / ticks)
-            efforts['torque_variation'] = float(change) / (end - start)
-        return Metrics(
-            *window,
-            {point: reached(i, lane) for i, point in enumerate(points)},
-            simulation.mechanism.sizes['joints'] if has_torques else 0,
-            **efforts,
-            estimate_norm=float(np.linalg.norm(simulation.estimate[:, lane])),
-        )
-
-    return [metrics(lane) for lane in range(len(runs))]
+    efforts: dict[str, float] = {}
+    if has_torques:
+        square, change = reduced['torque_square_sum'][lane], reduced['torque_change_sum'][lane]
+        efforts['torque_rms'] = math.sqrt(float(square) / ticks)
+        efforts['torque_variation'] = float(change) / (window.end - window.start)
+    return Metrics(
+        window.start,
+        window.end,
+        {point: reached(i) for i, point in enumerate(mechanism.points)},
+        mechanism.sizes['joints'] if has_torques else 0,
+        **efforts,
+        estimate_norm=None if estimate is None else float(np.linalg.norm(estimate)),
+    )

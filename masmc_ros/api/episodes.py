@@ -1,0 +1,416 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Episodes of robots that a policy drives by torques: observations, rewards and ends.
+
+It needs no Gymnasium; `api.learning` has its interface. Robots are computed in lanes, in blocks of
+`LANES`, so code is compiled for one robot and for blocks only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+import math
+from typing import Any, NamedTuple
+
+from masmc_ros.api.settings import settings_of
+from masmc_ros.campaign.campaign import Campaign, campaign_of
+from masmc_ros.campaign.draws import draw as parsed_draw
+from masmc_ros.campaign.part import LANES, metric_columns
+from masmc_ros.campaign.variable import Variable
+from masmc_ros.errors import InputError
+from masmc_ros.law.command_interface import by_velocity
+from masmc_ros.loop.driven_robots import DrivenRobots
+from masmc_ros.loop.simulated_robot import RIGID
+from masmc_ros.loop.timing import Timing
+from masmc_ros.numerics.aliases import Array
+from masmc_ros.reference.trajectory import Trajectory
+from masmc_ros.report.measure.reduced import metrics_of_lane, ReducedWindow, SETTLING
+from masmc_ros.robot.declaration import Mechanism
+from masmc_ros.robot.robot import robot_of
+from masmc_ros.share import scenario_file
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+DEFAULT_TORQUE = 50.0
+"""Bound of an action in N·m for a joint whose torque the scenario does not limit."""
+
+_OF_ALL = ('control_period', 'duration', 'integrator_step')
+"""Parameters of the plant that are equal in all episodes."""
+
+_RUNS = 2**40
+"""Number of episodes of a seed."""
+
+_SEEDS = 2**32
+
+Infos = dict[int, dict[str, Any]]
+"""Information by the number of the robot."""
+
+
+class Entry(NamedTuple):
+    """Entry of an observation; task axes and the base pose are those of the frame `odom`."""
+
+    name: str
+    unit: str
+
+
+class Step(NamedTuple):
+    """Result of a step of all robots, with a row or an entry for each."""
+
+    observation: Array
+    reward: Array
+    terminated: NDArray[np.bool_]
+    truncated: NDArray[np.bool_]
+    infos: Infos
+
+
+@dataclass(frozen=True)
+class Reward:
+    """
+    Weights of the reward, and the error at which an episode ends.
+
+    Attributes
+    ----------
+    error_weight
+        weight of the squared norm of the true task error, 1/m² (1/rad² for rotations).
+    torque_weight
+        weight of the squared norm of the change of the torques, 1/(N·m)².
+    error_limit
+        norm of the true task error above which a robot has diverged.
+
+    """
+
+    error_weight: float = 1.0
+    torque_weight: float = 1e-6
+    error_limit: float = 10.0
+
+    def __post_init__(self) -> None:
+        """Raise InputError for a value out of range."""
+        for name, least in (('error_weight', '>='), ('torque_weight', '>='), ('error_limit', '>')):
+            value = getattr(self, name)
+            is_number = isinstance(value, int | float) and math.isfinite(value)
+            if not is_number or value < 0.0 or (least == '>' and value == 0.0):
+                raise InputError(f'{name} = {value!r}: expected a finite number {least} 0')
+
+
+class Episodes:
+    """
+    Episodes of several robots, each from a run of a campaign.
+
+    Attributes
+    ----------
+    entries
+        entries of an observation.
+    action_limit
+        (joints) largest magnitudes of the torques in N·m.
+    steps
+        steps of an episode that does not diverge: the ticks of the run.
+
+    """
+
+    def __init__(
+        self,
+        count: int,
+        scenario: str,
+        *,
+        draw: Mapping[str, str] | None = None,
+        settings: Mapping[str, Any] | None = None,
+        action_limit: float | Sequence[float] | None = None,
+        reward: Reward,
+        values: Mapping[str, Any],
+    ) -> None:
+        """
+        Initialise robots that have not started.
+
+        Parameters
+        ----------
+        count
+            number of robots.
+        scenario, settings, values, draw
+            as in `masmc_ros.monte_carlo`.
+        action_limit
+            largest magnitude of the torques in N·m, or one for each joint; None: that of the
+            scenario, see `_action_limit`.
+        reward
+            weights of the reward.
+
+        Raises
+        ------
+        InputError
+            If a name is unknown or a value out of range.
+
+        """
+        if isinstance(count, bool) or not isinstance(count, int) or count < 1:
+            raise InputError(f'num_envs = {count!r}: expected a whole number >= 1')
+        file = scenario_file(scenario)
+        self._campaign = campaign_of(
+            file,
+            settings_of(file, settings, values),
+            draws=[parsed_draw(f'{name}={text}') for name, text in (draw or {}).items()],
+            repeats=_RUNS,
+        )
+        for variable in self._campaign.variables:
+            _check_variable(variable)
+        base = self._campaign.scenario
+        timing = _checked_timing(base['plant'])
+        assert timing.last is not None
+        robot = robot_of(base['trajectory'])
+        mechanism = robot.mechanism
+        self.steps = timing.last + 1
+        self.entries = _entries(mechanism)
+        self.action_limit = _action_limit(action_limit, base, mechanism)
+        self.count = count
+        self._period, self._reward = timing.period, reward
+        self._window = ReducedWindow.of(timing)
+        self._columns = metric_columns(mechanism)
+        path = Trajectory(base['trajectory'], timing.period, robot).sample(0, self.steps + 1)
+        lanes = 1 if count == 1 else LANES
+        self._blocks = [
+            DrivenRobots(
+                base,
+                lanes,
+                path=path,
+                window=(self._window.first, self._window.after),
+                settling=SETTLING,
+            )
+            for _ in range(-(-count // lanes))
+        ]
+        self._lanes = lanes
+        self._seed = np.zeros(count, np.int64)
+        self._run = np.arange(count)
+        self._stride = count
+        self._campaigns: dict[int, Campaign] = {}
+        self._drawn: Infos = {}
+        self._has_ended = np.ones(count, bool)
+        self._previous = np.zeros((count, mechanism.sizes['joints']))
+        self._observation = np.zeros((count, len(self.entries)))
+
+    def seed(self, seed: int | Sequence[int]) -> None:
+        """
+        Choose the runs of the next episodes.
+
+        Robot i takes run i of a seed, then run i + count, and so on. With a sequence it takes
+        run 0, 1, ... of its own seed. Raises InputError for a seed out of range.
+        """
+        if isinstance(seed, int | np.integer):
+            seeds, runs, stride = [seed] * self.count, np.arange(self.count), self.count
+        else:
+            seeds, runs, stride = list(seed), np.zeros(self.count, np.int64), 1
+            if len(seeds) != self.count:
+                raise InputError(f'seed: {len(seeds)} numbers; expected {self.count}, or one')
+        for number in seeds:
+            is_whole = isinstance(number, int | np.integer) and not isinstance(number, bool)
+            if not is_whole or not 0 <= number < _SEEDS:
+                raise InputError(f'seed = {number!r}: expected a whole number >= 0 and < 2**32')
+        self._seed[:], self._run[:], self._stride = seeds, runs, stride
+        self._campaigns.clear()
+
+    def reset(self) -> tuple[Array, Infos]:
+        """Start the next episode of all robots; return the observations, and the runs."""
+        infos = self._start(np.ones(self.count, bool))
+        self._observe()
+        return self._observation.copy(), infos
+
+    def step(self, actions: ArrayLike) -> Step:
+        """
+        Hold torques (robots, joints) in N·m for one control period, within the action limits.
+
+        A robot whose episode has ended starts the next one; its action has no effect, and its
+        reward is 0. Raises InputError for an action that is not finite.
+        """
+        torque = np.clip(self._checked(actions), -self.action_limit, self.action_limit)
+        starts = self._has_ended.copy()
+        moves = ~starts
+        ticks = self._of_robots('tick')
+        for block, first in self._numbered_blocks():
+            chosen = slice(first, first + self._lanes)
+            if moves[chosen].any():
+                block.step(self._padded(torque[chosen]), self._padded(moves[chosen]))
+        change = torque - self._previous
+        self._previous = torque
+        infos = self._start(starts)
+        before = self._observation
+        self._observe()
+        with np.errstate(over='ignore', invalid='ignore'):
+            square = (self._of_robots('tracked', 'true_error') ** 2).sum(axis=1)
+            cost = self._reward.error_weight * square
+            cost += self._reward.torque_weight * (change**2).sum(axis=1)
+            is_lost = moves & ~(self._is_finite() & (square <= self._reward.error_limit**2))
+        terminated = is_lost
+        truncated = moves & ~is_lost & (ticks + 1 == self.steps)
+        # The limit stands for the error in the rest of the episode: divergence never pays.
+        worst = self._reward.error_weight * self._reward.error_limit**2
+        cost[is_lost] = worst * (self.steps - ticks[is_lost])
+        cost[starts] = 0.0
+        # Learners do not accept an observation that is not finite.
+        is_void = is_lost & ~np.isfinite(self._observation).all(axis=1)
+        self._observation[is_void] = before[is_void]
+        self._has_ended = terminated | truncated
+        for robot in np.flatnonzero(self._has_ended).tolist():
+            infos[robot] = {'row': self._row(robot, is_lost=bool(is_lost[robot]))}
+        return Step(self._observation.copy(), -cost, terminated, truncated, infos)
+
+    def signal(self, name: str) -> Array:
+        """Return a signal of `loop.signals.SIGNALS` (robots, components) of the current ticks."""
+        return self._of_robots('signals', name)
+
+    def _start(self, starts: NDArray[np.bool_]) -> Infos:
+        """Start the next episodes of some robots; return their runs."""
+        runs: dict[int, dict[int, Any]] = {}
+        infos: Infos = {}
+        for robot in np.flatnonzero(starts).tolist():
+            number, seed = int(self._run[robot]), int(self._seed[robot])
+            if seed not in self._campaigns:
+                self._campaigns[seed] = self._of_seed(seed)
+            (run,) = self._campaigns[seed].runs(number, 1)
+            runs.setdefault(robot // self._lanes, {})[robot % self._lanes] = run.scenario
+            row = {'run': number, 'seed': run.scenario['plant']['seed'], **run.values}
+            self._drawn[robot] = row
+            infos[robot] = {'drawn': row}
+        for block, chosen in runs.items():
+            self._blocks[block].start(chosen)
+        self._run[starts] += self._stride
+        self._has_ended[starts] = False
+        self._previous[starts] = 0.0
+        return infos
+
+    def _of_seed(self, seed: int) -> Campaign:
+        scenario = dict(self._campaign.scenario)
+        plant = scenario['plant']
+        # Episodes of other seeds have other noise, also without a draw.
+        scenario['plant'] = {**plant, 'seed': (plant['seed'] + seed) % _SEEDS}
+        return replace(self._campaign, seed=seed, scenario=scenario)
+
+    def _row(self, robot: int, *, is_lost: bool) -> dict[str, Any]:
+        """Return the row of a campaign for the episode that has ended."""
+        block, lane = self._blocks[robot // self._lanes], robot % self._lanes
+        metrics = metrics_of_lane(block.reduced[0], lane, self._window, block.mechanism)
+        values: dict[str, float | None] = dict.fromkeys(column.name for column in self._columns)
+        if not (is_lost or isinstance(metrics, float)):
+            values = {column.name: column.value(metrics) for column in self._columns}
+        return {
+            **self._drawn[robot],
+            **{name: math.nan if value is None else value for name, value in values.items()},
+            'lost': is_lost,
+            'lost_at': float(block.tick[lane] * self._period) if is_lost else math.nan,
+        }
+
+    def _observe(self) -> None:
+        parts = (
+            self.signal('error'),
+            self._of_robots('tracked', 'velocity_error'),
+            self.signal('position'),
+            self.signal('velocity'),
+            self.signal('reference'),
+        )
+        self._observation = np.concatenate(parts, axis=1)
+
+    def _is_finite(self) -> NDArray[np.bool_]:
+        true = [self.signal(name) for name in ('true_position', 'true_velocity')]
+        finite: NDArray[np.bool_] = np.isfinite(
+            np.concatenate([self._observation, *true], axis=1)
+        ).all(axis=1)
+        return finite
+
+    def _of_robots(self, record: str, field: str = '') -> NDArray[Any]:
+        """Return an array of all blocks as (robots, components), or (robots)."""
+        arrays = [getattr(block, record) for block in self._blocks]
+        if field:
+            arrays = [array[field][0].T for array in arrays]
+        joined = arrays[0] if len(arrays) == 1 else np.concatenate(arrays)
+        return joined[: self.count].copy()
+
+    def _numbered_blocks(self) -> list[tuple[DrivenRobots, int]]:
+        return [(block, i * self._lanes) for i, block in enumerate(self._blocks)]
+
+    def _padded(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Return an array of robots with zeros for the unused lanes of a block."""
+        missing = self._lanes - len(values)
+        if not missing:
+            return values
+        return np.concatenate([values, np.zeros((missing, *values.shape[1:]), values.dtype)])
+
+    def _checked(self, actions: ArrayLike) -> Array:
+        expected = self.count, len(self.action_limit)
+        torque = np.asarray(actions, np.float64)
+        if torque.shape != expected:
+            raise InputError(f'action: shape {torque.shape}; expected {expected} torques in N·m')
+        if not np.isfinite(torque).all():
+            robot = int(np.argmin(np.isfinite(torque).all(axis=1)))
+            raise InputError(f'action of robot {robot}: {torque[robot].tolist()}; expected finite '
+                             'torques in N·m')  # fmt: skip
+        return torque
+
+
+def _check_variable(variable: Variable) -> None:
+    """Raise InputError for a draw of a parameter that is equal in all episodes."""
+    name = variable.parameter.name
+    is_path = 'trajectory' in variable.readers and not name.startswith('robot.')
+    if is_path or name in _OF_ALL:
+        raise InputError(
+            f'--draw {variable.name}: path and timing are equal in all episodes; expected a '
+            'parameter of the robot, or of the plant'
+        )
+
+
+def _checked_timing(plant: Mapping[str, Any]) -> Timing:
+    """Return the control grid; raise InputError for a plant that torques cannot drive."""
+    if plant['physics'] != RIGID:
+        raise InputError(f'plant.physics = {plant["physics"]}: expected {RIGID} for episodes')
+    if by_velocity(plant, robot_of(plant).mechanism).any():
+        raise InputError(
+            f'plant.command_interface = {plant["command_interface"]}: expected effort, because '
+            'actions are torques'
+        )
+    timing = Timing.from_values(plant)
+    if timing.last is None:
+        raise InputError('duration = 0.0: expected a length > 0 s for an episode')
+    return timing
+
+
+def _entries(mechanism: Mechanism) -> tuple[Entry, ...]:
+    """Return the entries of an observation."""
+    axes = [(axis.name, axis.unit) for axis in mechanism.axes]
+    positions = [(position.name, position.unit) for position in mechanism.positions]
+    return tuple(
+        Entry(f'{part}_{name}', f'{unit}{per}')
+        for part, per, named in (
+            ('error', '', axes),
+            ('velocity_error', '/s', axes),
+            ('position', '', positions),
+            ('velocity', '/s', positions),
+            ('reference', '', axes),
+            ('reference_velocity', '/s', axes),
+            ('reference_acceleration', '/s²', axes),
+        )
+        for name, unit in named
+    )
+
+
+def _action_limit(
+    limit: float | Sequence[float] | None, scenario: Mapping[str, Any], mechanism: Mechanism
+) -> Array:
+    """
+    Return the largest torques (joints) in N·m.
+
+    Without `limit` it is the `torque_limit` of the plant, or else that of the controller, or else
+    `DEFAULT_TORQUE`, for each joint.
+    """
+    joints = mechanism.sizes['joints']
+    if limit is None:
+        known = [np.broadcast_to(scenario[node]['torque_limit'], joints)
+                 for node in ('plant', 'controller')]  # fmt: skip
+        chosen = np.where(known[0] > 0.0, known[0], known[1])
+        return np.where(chosen > 0.0, chosen, DEFAULT_TORQUE)
+    try:
+        limits = np.asarray(limit, np.float64)
+    except (TypeError, ValueError):
+        limits = np.array(math.nan)
+    is_valid = limits.shape in ((), (1,), (joints,)) and np.isfinite(limits).all()
+    if not is_valid or not (limits > 0.0).all():
+        raise InputError(
+            f'action_limit = {limit!r}: expected a number or {joints} numbers in N·m, each > 0'
+        )
+    return np.broadcast_to(limits, joints).copy()
