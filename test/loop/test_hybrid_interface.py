@@ -48,6 +48,7 @@ def rms(simulation: Simulation, block: TickBlock, *axes: int) -> float:
     return 1e3 * float(np.sqrt((error**2).sum(axis=1).mean()))
 
 
+@pytest.mark.slow
 def test_hybrid_lagging_base_tip_is_as_accurate_as_with_torques() -> None:
     simulation, block = run(*LAG, 'duration=10.0')
     assert rms(simulation, block, 0, 1) < 0.03
@@ -112,6 +113,7 @@ def test_hybrid_safe_stop_arm_holds_base_rests() -> None:
     assert block.torque[1600, 2:].any()
 
 
+@pytest.mark.slow
 def test_hybrid_base_of_tree_follows_twist() -> None:
     values = parameters()
     defaults = {p.name: p.default for p in declared('plant', mechanism_from(values))}

@@ -56,7 +56,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     insert(folder / 'masmc_ros/loop/signals.py', "    Signal('singular'", DECLARED)
     control = folder / 'masmc_ros/loop/control.py'
     insert(control, "    signals.singular =", COMPUTED)
-    insert(control, 'from typing import Any\n', IMPORTED, after=True)
+    insert(control, 'from masmc_ros.law import law\n', IMPORTED, after=True)
     # Without JIT the inserted lines need no compilation; the results are bitwise identical.
     variables = {**child_environment(), 'PYTHONPATH': str(folder), 'NUMBA_DISABLE_JIT': '1'}
     for arguments in (
