@@ -7,16 +7,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from helpers.small_tree import hand_at_start, write_scenario
 from masmc_ros.law import registry
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.mechanisms import mechanism_from
 
-TIAGO = str(Path(__file__).parents[2] / 'config' / 'tiago.yaml')
 
-
-def test_default_gain_in_newtons_is_a_tenth_for_axes_in_rad() -> None:
+def test_default_gain_in_newtons_is_a_tenth_for_axes_in_rad(tmp_path: Path) -> None:
     """A gain per mass is equal for both; the inertia scales it."""
-    mechanism = mechanism_from(load_scenario(TIAGO)['plant'])
+    file = write_scenario(tmp_path, hand_at_start(), 1.0)
+    mechanism = mechanism_from(load_scenario(str(file))['plant'])
     assert [axis.unit for axis in mechanism.axes] == ['m'] * 3 + ['rad'] * 3
     default = {p.name: p.default for p in registry.parameters(mechanism)}
     for name in ('k_s1', 'k_s2', 'pid.k_p', 'pid.k_d', 'pid.k_i', 'rbf_sliding.k'):
