@@ -100,13 +100,11 @@ def monte_carlo(
 
     Parameters
     ----------
-    scenario
-        Parameter file, or name of an installed one.
     draw
         Distributions by name: `{'plant.robot.link_2_mass': 'uniform:0.6:1.4'}`.
     runs
         Number of runs.
-    seed, sobol, settings, output, threads, scheduler, values
+    scenario, seed, sobol, settings, output, threads, scheduler, values
         As for `sweep`.
 
     Returns

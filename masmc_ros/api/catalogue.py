@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What there is: laws, robots and logged runs."""
+"""Known laws, and robots and logged runs from files."""
 
 from __future__ import annotations
 

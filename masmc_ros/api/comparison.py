@@ -52,7 +52,9 @@ def compare_laws(
 
     """
     loaded = load(scenario, settings, **values)
-    tasks = tasks_of(loaded.file, loaded.settings, _text(laws), _text(trials), seeds)
+    tasks = tasks_of(
+        loaded.file, loaded.settings, loaded.values, _text(laws), _text(trials), seeds
+    )
     done = tqdm(outcomes(tasks), total=len(tasks), unit='law', disable=None)
     ranked = ranking(chain.from_iterable(done), tasks[0].trials[0].name)
     return pa.Table.from_pylist(rows_of(ranked))

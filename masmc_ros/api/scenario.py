@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 from masmc_ros.api.settings import settings_of
 from masmc_ros.params.declaration import Values
@@ -32,7 +33,7 @@ class Scenario:
     file: str
     settings: tuple[str, ...] = ()
 
-    @property
+    @cached_property
     def values(self) -> Mapping[str, Values]:
         """Return the checked values by node and name; InputError for an invalid one."""
         return load_scenario(self.file, self.settings)

@@ -5,19 +5,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from masmc_ros.compare.campaign import Task
 from masmc_ros.compare.contenders import contenders, marked
 from masmc_ros.compare.trials import sets_observer, trials_named
 from masmc_ros.errors import InputError
 from masmc_ros.law.command_interface import takes_rates
-from masmc_ros.params.scenario import load_scenario
+from masmc_ros.params.declaration import Values
 from masmc_ros.robot.mechanisms import mechanism_from
 
 
 def tasks_of(
-    file: str, settings: Sequence[str], laws: str, trials: str, seeds: int
+    file: str,
+    settings: Sequence[str],
+    scenario: Mapping[str, Values],
+    laws: str,
+    trials: str,
+    seeds: int,
 ) -> list[Task]:
     """
     Return a task for each law.
@@ -26,6 +31,8 @@ def tasks_of(
     ----------
     file, settings
         parameter file, and NAME=VALUE as in `--set`.
+    scenario
+        their checked values by node.
     laws, trials
         names as in `--laws` and `--trials`.
     seeds
@@ -37,7 +44,6 @@ def tasks_of(
         If a name is unknown or a value out of range, or if the scenario commands velocities.
 
     """
-    scenario = load_scenario(file, settings)
     controller = scenario['controller']
     if takes_rates(controller):
         raise InputError(

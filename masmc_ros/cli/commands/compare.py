@@ -58,9 +58,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Compute the runs of all laws in all trials, print the tables and write them."""
     file = scenario_file(options.file)
-    tasks = tasks_of(file, options.set, options.laws, options.trials, options.seeds)
+    scenario = load_scenario(file, options.set)
+    tasks = tasks_of(file, options.set, scenario, options.laws, options.trials, options.seeds)
     trials = tasks[0].trials
-    mechanism = mechanism_from(load_scenario(file, options.set)['plant'])
+    mechanism = mechanism_from(scenario['plant'])
     folder = Path(options.output)
     make_folder(folder)
     done = tqdm(outcomes(tasks), total=len(tasks), unit='law', disable=None)
