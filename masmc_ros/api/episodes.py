@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import math
 from typing import Any, NamedTuple
 
-from masmc_ros.api.settings import settings_of
+from masmc_ros.api.scenario import load, Scenario
 from masmc_ros.campaign.campaign import Campaign, campaign_of
 from masmc_ros.campaign.draws import draw as parsed_draw
 from masmc_ros.campaign.part import LANES, metric_columns
@@ -25,12 +25,12 @@ from masmc_ros.law.command_interface import by_velocity
 from masmc_ros.loop.driven_robots import DrivenRobots
 from masmc_ros.loop.simulated_robot import RIGID
 from masmc_ros.loop.timing import Timing
-from masmc_ros.numerics.aliases import Array
+from masmc_ros.numerics.aliases import Array, Flags
+from masmc_ros.params.declaration import Values
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.report.measure.reduced import metrics_of_lane, ReducedWindow, SETTLING
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.robot import robot_of
-from masmc_ros.share import scenario_file
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -61,8 +61,8 @@ class Step(NamedTuple):
 
     observation: Array
     reward: Array
-    terminated: NDArray[np.bool_]
-    truncated: NDArray[np.bool_]
+    terminated: Flags
+    truncated: Flags
     infos: Infos
 
 
@@ -107,19 +107,23 @@ class Episodes:
         (joints) largest magnitudes of the torques in N·m.
     steps
         steps of an episode that does not diverge: the ticks of the run.
+    is_seeded
+        True if runs were chosen by a seed.
 
     """
 
     def __init__(
         self,
         count: int,
-        scenario: str,
+        scenario: str | Scenario,
         *,
         draw: Mapping[str, str] | None = None,
-        settings: Mapping[str, Any] | None = None,
+        settings: Values | None = None,
         action_limit: float | Sequence[float] | None = None,
-        reward: Reward,
-        values: Mapping[str, Any],
+        error_weight: float = Reward.error_weight,
+        torque_weight: float = Reward.torque_weight,
+        error_limit: float = Reward.error_limit,
+        **values: object,
     ) -> None:
         """
         Initialise robots that have not started.
@@ -128,13 +132,16 @@ class Episodes:
         ----------
         count
             number of robots.
-        scenario, settings, values, draw
-            as in `masmc_ros.monte_carlo`.
+        scenario, settings, values
+            as in `masmc_ros.load`.
+        draw
+            distributions by name, drawn at each reset:
+            `{'plant.robot.link_2_mass': 'uniform:0.6:1.4'}`.
         action_limit
             largest magnitude of the torques in N·m, or one for each joint; None: that of the
             scenario, see `_action_limit`.
-        reward
-            weights of the reward.
+        error_weight, torque_weight, error_limit
+            see `Reward`.
 
         Raises
         ------
@@ -144,10 +151,10 @@ class Episodes:
         """
         if isinstance(count, bool) or not isinstance(count, int) or count < 1:
             raise InputError(f'num_envs = {count!r}: expected a whole number >= 1')
-        file = scenario_file(scenario)
+        loaded = load(scenario, settings, **values)
         self._campaign = campaign_of(
-            file,
-            settings_of(file, settings, values),
+            loaded.file,
+            loaded.settings,
             draws=[parsed_draw(f'{name}={text}') for name, text in (draw or {}).items()],
             repeats=_RUNS,
         )
@@ -162,7 +169,8 @@ class Episodes:
         self.entries = _entries(mechanism)
         self.action_limit = _action_limit(action_limit, base, mechanism)
         self.count = count
-        self._period, self._reward = timing.period, reward
+        self._period = timing.period
+        self._reward = Reward(error_weight, torque_weight, error_limit)
         self._window = ReducedWindow.of(timing)
         self._columns = metric_columns(mechanism)
         path = Trajectory(base['trajectory'], timing.period, robot).sample(0, self.steps + 1)
@@ -178,6 +186,7 @@ class Episodes:
             for _ in range(-(-count // lanes))
         ]
         self._lanes = lanes
+        self.is_seeded = False
         self._seed = np.zeros(count, np.int64)
         self._run = np.arange(count)
         self._stride = count
@@ -204,6 +213,7 @@ class Episodes:
             is_whole = isinstance(number, int | np.integer) and not isinstance(number, bool)
             if not is_whole or not 0 <= number < _SEEDS:
                 raise InputError(f'seed = {number!r}: expected a whole number >= 0 and < 2**32')
+        self.is_seeded = True
         self._seed[:], self._run[:], self._stride = seeds, runs, stride
         self._campaigns.clear()
 
@@ -256,7 +266,7 @@ class Episodes:
         """Return a signal of `loop.signals.SIGNALS` (robots, components) of the current ticks."""
         return self._of_robots('signals', name)
 
-    def _start(self, starts: NDArray[np.bool_]) -> Infos:
+    def _start(self, starts: Flags) -> Infos:
         """Start the next episodes of some robots; return their runs."""
         runs: dict[int, dict[int, Any]] = {}
         infos: Infos = {}
@@ -307,9 +317,9 @@ class Episodes:
         )
         self._observation = np.concatenate(parts, axis=1)
 
-    def _is_finite(self) -> NDArray[np.bool_]:
+    def _is_finite(self) -> Flags:
         true = [self.signal(name) for name in ('true_position', 'true_velocity')]
-        finite: NDArray[np.bool_] = np.isfinite(
+        finite: Flags = np.isfinite(
             np.concatenate([self._observation, *true], axis=1)
         ).all(axis=1)
         return finite

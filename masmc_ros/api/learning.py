@@ -17,15 +17,14 @@ from gymnasium import Env, register
 from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
-from masmc_ros.api.episodes import Episodes, Reward
-from masmc_ros.numerics.aliases import Array
+from masmc_ros.api.episodes import Episodes, Infos
+from masmc_ros.api.scenario import Scenario
+from masmc_ros.numerics.aliases import Array, Flags
 import numpy as np
 from numpy.typing import NDArray
 
 ENVIRONMENT = 'masmc/MobileManipulator-v0'
 """Name of the environment."""
-
-Flags = NDArray[np.bool_]
 
 
 class MobileManipulator(Env[Array, Array]):
@@ -42,63 +41,17 @@ class MobileManipulator(Env[Array, Array]):
     # Gymnasium declares no class variable.
     metadata: dict[str, Any] = {'render_modes': []}  # noqa: RUF012
 
-    def __init__(
-        self,
-        scenario: str = 'paper',
-        *,
-        draw: Mapping[str, str] | None = None,
-        settings: Mapping[str, Any] | None = None,
-        action_limit: float | Sequence[float] | None = None,
-        error_weight: float = Reward.error_weight,
-        torque_weight: float = Reward.torque_weight,
-        error_limit: float = Reward.error_limit,
-        **values: Any,
-    ) -> None:
-        """
-        Initialise the environment.
-
-        Parameters
-        ----------
-        scenario
-            parameter file, or name of an installed one.
-        draw
-            distributions by name, drawn at each reset:
-            `{'plant.robot.link_2_mass': 'uniform:0.6:1.4'}`.
-        settings, values
-            as in `masmc_ros.simulate`.
-        action_limit
-            largest magnitude of the torques in N·m, or one for each joint; None: that of the
-            scenario.
-        error_weight, torque_weight, error_limit
-            see `Reward`.
-
-        Raises
-        ------
-        InputError
-            If a name is unknown or a value out of range.
-
-        """
-        self.episodes = Episodes(
-            1,
-            scenario,
-            draw=draw,
-            settings=settings,
-            action_limit=action_limit,
-            reward=Reward(error_weight, torque_weight, error_limit),
-            values=values,
-        )
+    def __init__(self, scenario: str | Scenario = 'paper', **options: Any) -> None:
+        """Initialise the environment; see `Episodes` for the options and errors."""
+        self.episodes = Episodes(1, scenario, **options)
         self.observation_space, self.action_space = _spaces(self.episodes)
-        self._is_seeded = False
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
         """Start the next episode; with a seed the first one of it."""
         super().reset(seed=seed)
-        if seed is not None or not self._is_seeded:
-            self.episodes.seed(_seed(self) if seed is None else seed)
-            self._is_seeded = True
-        observations, infos = self.episodes.reset()
+        observations, infos = _reset(self, seed)
         return observations[0], infos[0]
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
@@ -131,33 +84,14 @@ class MobileManipulators(VectorEnv[Array, Array, NDArray[Any]]):
     }
 
     def __init__(
-        self,
-        num_envs: int = 1,
-        scenario: str = 'paper',
-        *,
-        draw: Mapping[str, str] | None = None,
-        settings: Mapping[str, Any] | None = None,
-        action_limit: float | Sequence[float] | None = None,
-        error_weight: float = Reward.error_weight,
-        torque_weight: float = Reward.torque_weight,
-        error_limit: float = Reward.error_limit,
-        **values: Any,
+        self, num_envs: int = 1, scenario: str | Scenario = 'paper', **options: Any
     ) -> None:
-        """Initialise `num_envs` robots; see `MobileManipulator` for the arguments."""
-        self.episodes = Episodes(
-            num_envs,
-            scenario,
-            draw=draw,
-            settings=settings,
-            action_limit=action_limit,
-            reward=Reward(error_weight, torque_weight, error_limit),
-            values=values,
-        )
+        """Initialise `num_envs` robots; see `Episodes` for the options and errors."""
+        self.episodes = Episodes(num_envs, scenario, **options)
         self.num_envs = num_envs
         self.single_observation_space, self.single_action_space = _spaces(self.episodes)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._is_seeded = False
 
     def reset(
         self,
@@ -167,10 +101,7 @@ class MobileManipulators(VectorEnv[Array, Array, NDArray[Any]]):
     ) -> tuple[Array, dict[str, Any]]:
         """Start the next episode of all robots; with a seed the first ones of it."""
         super().reset(seed=seed if isinstance(seed, int) else None)
-        if seed is not None or not self._is_seeded:
-            self.episodes.seed(_seed(self) if seed is None else seed)
-            self._is_seeded = True
-        observations, infos = self.episodes.reset()
+        observations, infos = _reset(self, seed)
         return observations, self._together(infos)
 
     def step(self, actions: Array) -> tuple[Array, Array, Flags, Flags, dict[str, Any]]:
@@ -195,9 +126,14 @@ def _spaces(episodes: Episodes) -> tuple[Box[Any], Box[Any]]:
     )
 
 
-def _seed(environment: Env[Any, Any] | VectorEnv[Any, Any, Any]) -> int:
-    """Return a seed from the generator of an environment, which is random without a seed."""
-    return int(environment.np_random.integers(2**32))
+def _reset(
+    environment: MobileManipulator | MobileManipulators, seed: int | Sequence[int] | None
+) -> tuple[Array, Infos]:
+    """Start the next episodes; without any seed so far, a random one is drawn."""
+    episodes = environment.episodes
+    if seed is not None or not episodes.is_seeded:
+        episodes.seed(int(environment.np_random.integers(2**32)) if seed is None else seed)
+    return episodes.reset()
 
 
 register(
