@@ -18,16 +18,15 @@ from masmc_ros.errors import InputError
 from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import plant_start, plant_tick, reduce_signals, track_reference
 from masmc_ros.loop.reduction import axes_of_points, reduced_signals
-from masmc_ros.loop.simulated_robot import delay_line, write_plant, write_start
-from masmc_ros.numerics.aliases import Array
+from masmc_ros.loop.simulated_robot import delay_line, NO_STATE, write_plant, write_start
+from masmc_ros.numerics.aliases import Array, Flags, Records
 from masmc_ros.numerics.compiled import bound
 from masmc_ros.numerics.record import fill
+from masmc_ros.params.declaration import Values
 from masmc_ros.robot.robot import robot_of
 import numpy as np
 from numpy.typing import NDArray
 
-Values = Mapping[str, Any]
-Lanes = NDArray[np.bool_]
 State = tuple[NDArray[Any], ...]
 
 
@@ -128,15 +127,12 @@ class DrivenRobots:
         self._call(plant_start, self._plant, memory, delayed, signals)
         for lane in runs:
             if not _is_finite(signals, lane):
-                raise InputError(
-                    'initial_pose, initial_joints or initial_velocity make no state of a robot; '
-                    'expected finite numbers, and angles that have a sine'
-                )
+                raise InputError(NO_STATE)
         self._track(0, signals, tracked)
         _copy_lanes(state, self._state, started)
         self.tick[started] = 0
 
-    def step(self, torque: Array, moves: Lanes) -> None:
+    def step(self, torque: Array, moves: Flags) -> None:
         """
         Hold torques for one control period.
 
@@ -167,7 +163,7 @@ class DrivenRobots:
         self._call(plant_tick, self._plant, memory, delayed, tick, signals)
         self._track(tick + 1, signals, tracked)
 
-    def _track(self, tick: int, signals: Any, tracked: Any) -> None:
+    def _track(self, tick: int, signals: Records, tracked: Records) -> None:
         arguments = self._plant, self._nominal, signals, self._path[tick], tracked
         self._call(track_reference, *arguments)
 
@@ -182,7 +178,7 @@ def _copy(state: State) -> State:
     return tuple(array.copy() for array in state)
 
 
-def _copy_lanes(source: State, target: State, lanes: Lanes) -> None:
+def _copy_lanes(source: State, target: State, lanes: Flags) -> None:
     for new, old in zip(source, target, strict=True):
         if old.dtype.names is None:
             old[..., lanes] = new[..., lanes]
@@ -190,6 +186,6 @@ def _copy_lanes(source: State, target: State, lanes: Lanes) -> None:
             old[name][..., lanes] = new[name][..., lanes]
 
 
-def _is_finite(signals: Any, lane: int) -> bool:
+def _is_finite(signals: Records, lane: int) -> bool:
     names = 'position', 'velocity', 'true_position', 'true_velocity'
     return all(np.isfinite(signals[name][0, :, lane]).all() for name in names)

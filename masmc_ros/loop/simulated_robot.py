@@ -37,6 +37,12 @@ from numpy.typing import NDArray
 RIGID = 'rigid'
 """Physics without slip of the wheels."""
 
+NO_STATE = (
+    'initial_pose, initial_joints or initial_velocity make no state of a robot; '
+    'expected finite numbers, and angles that have a sine'
+)
+"""Error of a robot whose initial state is not finite."""
+
 PHYSICS = {RIGID: (__name__, 'SimulatedRobot'),
            'mujoco': ('masmc_ros.physics.contact_robot', 'ContactRobot')}  # fmt: skip
 """Physics of the plant: modules, imported on demand, and their classes."""
@@ -296,10 +302,7 @@ class SimulatedRobot:
         self.applied[:] = 0.0
         write_start(self.memory, self.robot, self._values)
         if not plant_start(self.settings, self.memory, self.delayed, self.signals):
-            raise InputError(
-                'initial_pose, initial_joints or initial_velocity make no state of a robot; '
-                'expected finite numbers, and angles that have a sine'
-            )
+            raise InputError(NO_STATE)
 
     def compile(self) -> None:
         """Compile or load the kernels by two ticks without effect, and return to t = 0."""
