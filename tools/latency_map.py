@@ -15,7 +15,7 @@ import math
 from pathlib import Path
 
 from masmc_ros.errors import InputError
-from masmc_ros.law.parts.delay_compensation import HORIZON
+from masmc_ros.law.parts.delay_compensation import HORIZON, SLOPE
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.params.scenario import load_scenario
 import numpy as np
@@ -63,7 +63,7 @@ def growth(latency: int, mass: float, assumed: int = ASSUMED) -> float:
     rows = np.eye(2 * count + 3)
     velocity, command = rows[:count + 1], rows[count:2 * count + 1]
     gain = min(0.25, 1.0 / assumed)
-    slope_gain = 0.3 * gain * gain
+    slope_gain = SLOPE * gain * gain
     horizon = HORIZON * max(assumed, 1) * PERIOD
     rate = (velocity[latency] - velocity[latency + 1]) / PERIOD
     f = rate - command[1 + assumed] - rows[-2]

@@ -61,6 +61,9 @@ Horizon h in latencies.
 A smaller one is more accurate and tolerates smaller errors of latency and masses.
 """
 
+SLOPE = 0.3
+"""Gain beta_2 of the slope, as a multiple of beta squared."""
+
 LONGEST_STEP = 0.005
 """Longest step of the model in s."""
 
@@ -110,7 +113,7 @@ PARAMETERS = (
     ),
     Parameter(
         'compensation.slope',
-        0.3,
+        SLOPE,
         'Gain beta_2 of the slope of the disturbance estimate, as a multiple of beta squared',
         minimum=0.0,
         maximum=1.0,
