@@ -200,13 +200,14 @@ class Peer:
         self,
         holds: Callable[[], Any],
         awaited: str | Callable[[], str] = 'condition of the test',
+        patience: float = PATIENCE,
     ) -> Any:
         """
-        Spin until `holds` returns a true value; return it. AssertionError after a timeout.
+        Spin until `holds` returns a true value; return it. AssertionError after `patience` s.
 
         `awaited` describes the condition, or returns a description at the time of the failure.
         """
-        limit = time.monotonic() + PATIENCE
+        limit = time.monotonic() + patience
         while not (value := holds()):
             if time.monotonic() > limit:
                 text = awaited() if callable(awaited) else awaited

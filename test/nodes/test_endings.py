@@ -138,8 +138,8 @@ def test_endless_plant_robot_diverges_waits_for_reset(pacing: str, tmp_path: Pat
             tester.call(SetBool, 'plant/pause', SetBool.Request(data=False))
             states.clear()
             assert tester.call(Trigger, 'plant/reset', Trigger.Request()).success
-            tester.until(lambda: states, 'the initial state')
-            assert header_stamp(states[0]) == 0
+            # The last states before the divergence may arrive later than the warning.
+            tester.until(lambda: 0 in map(header_stamp, states), 'the initial state')
         assert plant.process.poll() is None
         lines = divergences(plant)
     assert len(lines) == 10

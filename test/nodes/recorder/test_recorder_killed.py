@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Recorders killed at random times lose at most 0.6 s of messages."""
+"""Recorders killed at random times lose at most a second of messages."""
 
 from __future__ import annotations
 
@@ -21,8 +21,12 @@ from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import JointState
 
 ROUNDS, AT_ONCE = 17, 3
-MAXIMUM_LOSS = 0.6
-"""Maximum robot time in s that a killed recorder may lose."""
+MAXIMUM_LOSS = 1.0
+"""
+Maximum robot time in s that a killed recorder may lose.
+
+It is the flush period, 0.2 s, and messages under way: up to 0.8 s on a machine that compiles.
+"""
 
 
 ROBOT = ros_arguments(
@@ -108,7 +112,7 @@ def test_recorder_killed_at_random_loses_little(number: int, tmp_path: Path) -> 
 
         # The newest state only; unprocessed earlier states are dropped.
         tester.node.create_subscription(
-JointState, 'joint_states', store_stamp, subscription_qos(), raw=True
+            JointState, 'joint_states', store_stamp, subscription_qos(), raw=True
         )
         killed = kill_some(started, tester, latest, tmp_path, rng)
     for log, start, last in killed:
