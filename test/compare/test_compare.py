@@ -143,7 +143,8 @@ def test_trials_of_laws_vary_period_limits_and_observer() -> None:
     assert len({trial.settings_for(TWO_LINK) for trial in trials}) == len(trials) == 12
     scenarios = [load_scenario(PAPER, trial.settings_for(TWO_LINK)) for trial in trials]
     assert {s['plant']['control_period'] for s in scenarios} == {0.001, 0.002, 0.01}
-    assert {s['controller']['observer_gain'] for s in scenarios} == {0.0, 0.3}
+    assert {s['controller']['observer_gain'] for s in scenarios} == {0.0}
+    assert {s['controller']['compensation.gain'] for s in scenarios} == {0.0, 0.3}
     assert {any(s['controller']['torque_limit']) for s in scenarios} == {False, True}
     assert sets_observer(trials)
     assert not sets_observer(TRIALS)
