@@ -77,7 +77,7 @@ def _trial_of_laws(milliseconds: int, *, is_limited: bool, observes: bool) -> Tr
     name = f'{milliseconds} ms{", limits" if is_limited else ""}{", observer" if observes else ""}'
     parts = [f'a control period of {milliseconds} ms']
     parts += ["the drives' limits"] if is_limited else []
-    parts += [f'compensation.gain {gain}, a disturbance estimate for every law'] if observes else []
+    parts += [f'a disturbance estimate for all laws, gain {gain}'] if observes else []
     return Trial(name, ', '.join(parts), tuple(settings))
 
 
