@@ -172,13 +172,15 @@ def cold_environment(folder: Path) -> dict[str, str]:
 
 
 @contextmanager
-def running(folder: Path, file: Path | None, **settings: Any) -> Iterator[Watched]:
-    """Yield a controller in real time without cached code of any law."""
+def running(
+    folder: Path, file: Path | None, *, is_cold: bool = True, **settings: Any
+) -> Iterator[Watched]:
+    """Yield a controller in real time; if it is cold, without cached code of any law."""
     arguments = ros_arguments(
         file, pacing='realtime', control_period=0.01, duration=0.0, **PATIENT, **settings
     )
     with processes(folder) as started, peer(started.domain) as tester:
-        environment = cold_environment(folder)
+        environment = cold_environment(folder) if is_cold else None
         controller = Watched(
             tester, started.start('controller', *arguments, environment=environment)
         )
@@ -280,7 +282,8 @@ def test_law_change_tree_robot_previous_law_continues(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_law_change_through_all_laws_each_used(tmp_path: Path) -> None:
-    with running(tmp_path, None) as controller:
+    # What is compiled here, the next test uses.
+    with running(tmp_path, None, is_cold=False) as controller:
         for law in (*LAWS, *LAWS):
             successful, _ = controller.set_parameters(law=law)
             assert successful
