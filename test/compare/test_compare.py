@@ -64,6 +64,7 @@ def test_drawn_scenario_changes_plant_only_repeatably() -> None:
         assert ratio == 0.0 or 0.6 <= ratio <= 1.4
 
 
+@pytest.mark.slow
 def test_compare_lanes_and_single_runs_give_same_table(monkeypatch: pytest.MonkeyPatch) -> None:
     task = Task(PAPER, SHORT, Contender('rasmc'), (AS_IS,), 5)
     alone = compute(task)

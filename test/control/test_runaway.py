@@ -123,6 +123,7 @@ def test_runaway_tiago_unstable_law_comes_to_rest(law: str) -> None:
     assert ratios[-1000:].max() < 0.6
 
 
+@pytest.mark.slow
 def test_compensated_latency_late_states_no_alarm() -> None:
     """The prediction tolerates states that otherwise raise an alarm."""
     control = {'law': 'smc', 'latency': 0.005}

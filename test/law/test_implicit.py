@@ -121,6 +121,7 @@ OPPOSED = Problem(
 )
 
 
+@pytest.mark.slow
 @PROPERTY
 @given(problems())
 @example(EXACTLY_REACHED)

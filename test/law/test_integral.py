@@ -54,6 +54,7 @@ def test_integral_one_limited_joint_is_back_calculated(law: str, seed: int) -> N
         np.testing.assert_allclose(integral(controller, law), w, rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('law', GAINS)
 def test_integral_constant_limits_converges(law: str) -> None:
     """At a constant error it converges to the value that fits the commanded torque."""

@@ -57,6 +57,7 @@ def test_hybrid_lagging_base_tip_is_as_accurate_as_with_torques() -> None:
     assert not block.rates[:, 2:].any()
 
 
+@pytest.mark.slow
 def test_hybrid_known_lag_base_follows_more_closely() -> None:
     errors = [
         rms(*run('plant.base_lag=0.3', f'controller.base_lag={lag}', 'duration=10.0'), 2, 3)

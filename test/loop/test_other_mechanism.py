@@ -123,6 +123,7 @@ def test_cart_arm_is_simulated_logged_reported_and_exported(file: Path, tmp_path
     assert 'estimate_inertia_kg_m2' in heads
 
 
+@pytest.mark.slow
 def test_cart_arm_velocity_interface_is_logged_and_reported(file: Path, tmp_path: Path) -> None:
     log = tmp_path / 'rates.mcap'
     rates = 'command_interface=velocity'

@@ -27,6 +27,7 @@ TIAGO = Path(__file__).resolve().parents[2] / 'config' / 'tiago.yaml'
 TICKS = 40
 
 
+@pytest.mark.slow
 def test_tree_frames_hand_equals_task_position() -> None:
     values = parameters()
     mechanism = tree_mechanism(values)

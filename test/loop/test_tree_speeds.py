@@ -41,6 +41,7 @@ def path_of(name: str) -> str:
     return str(ROOT / 'config' / f'{name}.yaml')
 
 
+@pytest.mark.slow
 def test_speed_limits_disturbed_small_tree_are_kept(tmp_path: Path) -> None:
     """The disturbance turns wheels and turret against each other, without motion of the hand."""
     path = write_scenario(tmp_path, hand_at_start(), 0.08)

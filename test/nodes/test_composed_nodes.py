@@ -31,6 +31,7 @@ TOPICS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('transport', [None, 'UDPv4'])
 def test_composed_nodes_run_no_message_lost(
     transport: str | None, tmp_path: Path

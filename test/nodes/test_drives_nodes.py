@@ -144,6 +144,7 @@ def check_stop_and_return(log: Path) -> None:
     assert longest > 1000
 
 
+@pytest.mark.slow
 def test_real_time_drives_without_command_hold_velocity(tmp_path: Path) -> None:
     """The drives hold before the first command and after a command timeout."""
     with processes(tmp_path) as started, peer(started.domain) as tester:

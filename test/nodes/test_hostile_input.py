@@ -97,6 +97,7 @@ def test_nodes_long_random_input_stay_alive(pacing: str, seed: int, tmp_path: Pa
     survive(tmp_path, seed=seed, seconds=60.0, pacing=pacing)
 
 
+@pytest.mark.slow
 def test_set_parameters_unknown_type_rejected(tmp_path: Path) -> None:
     """Each parameter of a request has a result; valid ones after an invalid one are set."""
     wrong = Parameter(name='start_time', value=ParameterValue(type=77))

@@ -443,6 +443,7 @@ _WELL_FORMED = st.dictionaries(
 )
 
 
+@pytest.mark.slow
 @settings(EXAMPLES, max_examples=300)
 @given(_WELL_FORMED)
 def test_parameter_file_random_well_formed_equals_rcl(

@@ -95,6 +95,7 @@ def test_contact_model_inertia_equals_mechanism(angles: tuple[float, ...]) -> No
     check_inertia(load_scenario(PAPER, settings)['plant'], angles)
 
 
+@pytest.mark.slow
 def test_contact_model_inertia_equals_tree() -> None:
     # A tree contains only the spin of wheels; therefore these are solids of revolution.
     form = 'rpy="{}"/><mass value="1"/>\n<inertia ixx="0.003" ixy="{}" ixz="{}"'

@@ -207,6 +207,7 @@ def test_measures_velocity_false_with_measured_source_raises() -> None:
         Simulation(load_scenario(PAPER, ('plant.measures_velocity=false',)))
 
 
+@pytest.mark.slow
 def test_all_effects_tick_by_tick_equals_whole_run_and_lane() -> None:
     values = load_scenario(PAPER, EVERYTHING)
     (whole,) = Simulation(values).run()

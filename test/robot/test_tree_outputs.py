@@ -47,6 +47,7 @@ def test_task_joints_are_all_or_named_ones() -> None:
     assert names(robot('position', 'joints lift_joint'))[3:] == ['lift_joint']
 
 
+@pytest.mark.slow
 def test_task_positions_equal_those_of_single_outputs() -> None:
     """Every axis equals that of a task of one output, for any preceding outputs."""
     position = np.array([[0.3, -0.2, 0.5, 1.0, 2.0, *START[2:]]])

@@ -38,6 +38,7 @@ def test_adaptive_gain_torque_matches_formula(seed: int) -> None:
         switching = np.minimum(switching / (1.0 + at.period * leak), k_max)
 
 
+@pytest.mark.slow
 def test_adaptive_gain_grows_above_constant_disturbance() -> None:
     """Without leakage, s ends in the dead zone. The gain stops there, below k_max."""
     track = run(

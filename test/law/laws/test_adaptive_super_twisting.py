@@ -59,6 +59,7 @@ def test_realisable_surface_inverts_surface_rate() -> None:
         assert abs(realisable_surface(w, nu, 5.0, 100.0, 1e-3) - abs(s)) < 1e-12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('amplitude', [10.0, 100.0])
 def test_adaptive_super_twisting_gains_stay_bounded(amplitude: float) -> None:
     """The second disturbance exceeds what the gains can reject."""

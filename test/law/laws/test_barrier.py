@@ -55,6 +55,7 @@ def test_barrier_torque_matches_formula(seed: int) -> None:
         outside += np.where(is_inside, 0.0, at.period * settings['growth'] * size)
 
 
+@pytest.mark.slow
 def test_barrier_disturbance_within_bound_is_not_left() -> None:
     """
     From eps the law moves s back by sqrt(T rho eps + (T rho / 2)^2) - T rho / 2.

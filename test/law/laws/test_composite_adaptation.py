@@ -63,6 +63,7 @@ def test_composite_adaptation_update_matches_formula(seed: int) -> None:
         gradient = tracking(at) + kappa / (1.0 + at.period * kappa * curvature) * along
 
 
+@pytest.mark.slow
 def test_composite_adaptation_converges_to_theta() -> None:
     """Relative error of every parameter, from half of its value at the start."""
     gamma = ', '.join(f'{0.03 / theta**2:.6g}' for theta in THETA)

@@ -35,6 +35,7 @@ def test_computed_torque_zero_sigma_ignores_position_error() -> None:
     np.testing.assert_array_equal(tick(controller, at), torque)
 
 
+@pytest.mark.slow
 def test_computed_torque_true_model_has_second_order_decay() -> None:
     """Critically damped, with the true model and no disturbance: z = z_0 (1 - 10 t) e^-10t."""
     track = run(

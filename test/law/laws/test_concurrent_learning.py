@@ -103,6 +103,7 @@ def test_smallest_eigenvalue_equals_numpy(seed: int) -> None:
     assert abs(value - expected) < 1e-3 * expected + 2e-12 * np.trace(scaled)
 
 
+@pytest.mark.slow
 def test_concurrent_learning_disturbance_ends_bias_vanishes() -> None:
     """Points recorded under a disturbance are replaced after it, and theta_hat converges."""
     values = load_scenario(

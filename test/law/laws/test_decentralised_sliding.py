@@ -35,6 +35,7 @@ def test_decentralised_sliding_torque_matches_formula(seed: int) -> None:
     np.testing.assert_allclose(tick(controller, at), wanted, rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_decentralised_sliding_reaches_surface_in_time() -> None:
     """All joints in one group: s' = -Q s - P sgn s holds exactly."""
     q, p, delta = 3.0, 1.5, 0.01

@@ -47,6 +47,7 @@ def energy(track: Track, k: int) -> float:
     return float(v @ robot.reduced_inertia @ v) / 2.0
 
 
+@pytest.mark.slow
 def test_fuzzy_gain_lyapunov_function_matches_linear_term() -> None:
     """V = (s' H_x s + theta' theta / gamma) / 2 and V' = -s' A s hold with the true model."""
     track = run(

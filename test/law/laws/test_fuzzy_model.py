@@ -44,6 +44,7 @@ def test_fuzzy_model_torque_matches_formula(seed: int) -> None:
         eta /= 1.0 + at.period * leak
 
 
+@pytest.mark.slow
 def test_fuzzy_model_constant_disturbance_is_rejected() -> None:
     """
     The rules can represent a constant disturbance; z then falls to a small remainder.

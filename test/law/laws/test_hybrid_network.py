@@ -44,6 +44,7 @@ def test_hybrid_network_torque_matches_formula(seed: int) -> None:
         robust = (robust + at.period * values['rate'] * beyond) / decay
 
 
+@pytest.mark.slow
 def test_hybrid_network_lyapunov_function_matches_linear_term() -> None:
     """V = (z^2 + W' W / gamma) / 2 and V' = -K z^2 hold for every joint with the true model."""
     track = run(

@@ -42,6 +42,7 @@ def test_rbf_sliding_torque_matches_formula(seed: int) -> None:
         weights /= 1.0 + at.period * rate * nu * np.linalg.norm(s)
 
 
+@pytest.mark.slow
 def test_rbf_sliding_weights_stay_within_bound_of_nu() -> None:
     """The bound |W| <= 1 / nu holds for any adaptation rate and any command."""
     nu, rate = f'controller.{LAW}.nu=0.05', f'controller.{LAW}.rate=50000.0'

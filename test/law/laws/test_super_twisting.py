@@ -69,6 +69,7 @@ def test_super_twisting_torque_matches_formula(seed: int) -> None:
         )
 
 
+@pytest.mark.slow
 def test_super_twisting_reaches_surface_in_predicted_steps() -> None:
     """With the true model and no disturbance every axis follows the scalar recursion."""
     track = run(LAW, *QUIET, duration=1.0)
@@ -147,6 +148,7 @@ def _torque(settings: Any, tick: Tick, memory: Any) -> tuple[float, ...]:
     return surface_torque(tick, memory.estimate, settings.sigma, nu)
 
 
+@pytest.mark.slow
 def test_super_twisting_chatters_less_than_explicit_form(monkeypatch: pytest.MonkeyPatch) -> None:
     explicit = Law('explicit_twisting', _torque, PARAMETERS, MEMORY, uses_switching=False)
     monkeypatch.setitem(registry.LAWS, explicit.name, explicit)

@@ -40,6 +40,7 @@ def test_terminal_sliding_torque_matches_formula(seed: int) -> None:
     )
 
 
+@pytest.mark.slow
 def test_terminal_sliding_errors_match_differential_equation() -> None:
     """With the true model, e'' of every axis is the formula; the test integrates it separately."""
     track = run(

@@ -44,6 +44,7 @@ def test_time_delay_after_pause_restarts_with_model() -> None:
     assert (tick(controller, at) == first).all()
 
 
+@pytest.mark.slow
 def test_time_delay_constant_disturbance_leaves_no_error() -> None:
     """Half of the true masses suffice: the norm of I - H^-1 H_nominal is 1/2, below 1."""
     constant = (

@@ -33,6 +33,7 @@ def test_variable_structure_torque_matches_formula(seed: int) -> None:
     np.testing.assert_allclose(tick(controller, at), wanted, rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_variable_structure_reaches_surface_in_time() -> None:
     """
     The bound is sqrt(2 V_0 h) / k with h the largest eigenvalue of H_x on the way.
