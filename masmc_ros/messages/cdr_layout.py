@@ -1,15 +1,17 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Layout of a CDR message with known strings and sizes."""
+"""Layout of a CDR message, from its definition and the strings and sizes in it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
 import struct
+from typing import Any
 
 from masmc_ros.errors import InputError
+from masmc_ros.messages.definitions import members
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
@@ -30,11 +32,14 @@ NANOSECONDS = 1_000_000_000
 STAMP = struct.Struct('<iI')
 """builtin_interfaces/Time in CDR: seconds and nanoseconds."""
 
-TIME = np.dtype([('sec', '<i4'), ('nanosec', '<u4')])
+TIME = np.dtype([('sec', '<i4'), ('nanosec', '<u4')], align=True)
 """builtin_interfaces/Time as a field of many messages."""
 
 Messages = NDArray[np.void]
 """Messages (N) as records of a layout's dtype."""
+
+_Path = tuple[str, ...]
+"""Names of a member and of those that contain it, the outermost first."""
 
 END_OF_TIME = 2**31 * NANOSECONDS
 """First time in ns after the range of ROS 2's seconds, signed integers of 32 bits."""
@@ -52,19 +57,40 @@ class Layout:
     """
     Bytes of a CDR message with known strings and sizes, as a NumPy dtype.
 
-    The fields are appended in the order of the message definition. Variable fields have names;
-    constant and padding bytes are in unnamed fields between them. One record is a message, and an
-    array of records is many messages. Alignment counts from the end of the 4-byte encapsulation
-    header. Padding bytes are zero here. ROS 2's serialiser leaves them uninitialised, so a
-    comparison of messages must ignore them.
+    The fields are those of the message definition, in its order. The name of a variable field is
+    its path: `header_stamp`, `transforms_0_transform`. A part that consists of float64 numbers,
+    such as a geometry_msgs/Twist, is one field; so is a builtin_interfaces/Time. A message that
+    consists of float64 numbers has the field `numbers`. Constant and padding bytes are in unnamed
+    fields between them. One record is a message, and an array of records is many messages.
+    Alignment counts from the end of the 4-byte encapsulation header. Padding bytes are zero here.
+    ROS 2's serialiser leaves them uninitialised, so a comparison of messages must ignore them.
+
+    Attributes
+    ----------
+    places
+        Byte range of each variable field in the message, in order.
+    dtype
+        The message as a record.
+    template
+        The message with zeros in the variable fields.
+    size
+        Size of the message in bytes, encapsulation header included.
+
     """
 
-    def __init__(self, position: int | None = None) -> None:
+    def __init__(self, type_name: str, contents: Any = None, position: int | None = None) -> None:
         """
-        Initialise an empty layout, with the encapsulation header for a complete message.
+        Initialise the layout of a message.
 
         Parameters
         ----------
+        type_name
+            Type of the message, such as `sensor_msgs/msg/JointState`.
+        contents
+            Constants of the message, nested as its members: texts of strings, elements of
+            sequences, lengths of sequences of float64, values of uint32. A string whose last
+            characters vary is a pair of the text before them and their number. A missing string
+            or sequence is empty, and a missing number varies.
         position
             Position in bytes of a part of a message, which has no header; None for a complete
             message.
@@ -72,9 +98,58 @@ class Layout:
         """
         self._bytes = bytearray(ENCAPSULATION if position is None else b'')
         self._mask = bytearray(b'\xff' * len(self._bytes))
-        self._start = 0 if position is None else position
-        self._fields: list[tuple[str, DTypeLike] | tuple[str, DTypeLike, tuple[int, ...]]] = []
+        self._start = position or 0
+        self._members = members(type_name)
+        self._fields: list[tuple[str, DTypeLike]] = []
         self._described = 0
+        self.places: dict[str, slice] = {}
+        self._append_member(type_name, contents, ())
+        self._close_gap()
+        self.dtype: np.dtype[np.void] = np.dtype(self._fields)
+        self.template, self.size = bytes(self._bytes), len(self._bytes)
+
+    def _append_member(self, kind: str, content: Any, path: _Path) -> None:
+        """Append a member of the message, whose `path` are the names down to it."""
+        element, bracket, length = kind.rstrip(']').partition('[')
+        if length:
+            self._vary(path, '<f8', int(length))
+        elif bracket and isinstance(content, int):
+            self._append_uint32(content)
+            self._vary(path, '<f8', content)
+        elif bracket:
+            self._append_uint32(len(content or ()))
+            for number, item in enumerate(content or ()):
+                self._append_member(element, item, (*path, str(number)))
+        elif kind == 'string':
+            text, count = content if isinstance(content, tuple) else (content or '', 0)
+            data = text.encode()
+            self._append_uint32(len(data) + count + 1)
+            self._append(data, 0xFF)
+            if count:
+                self._vary(path, np.uint8, count)
+            self._append(b'\0', 0xFF)
+        elif kind == 'builtin_interfaces/Time':
+            self._vary(path, TIME)
+        elif doubles := self._count_doubles(kind):
+            self._vary(path, '<f8', doubles)
+        elif kind in self._members:
+            for member, name in self._members[kind]:
+                self._append_member(member, (content or {}).get(name), (*path, name))
+        elif content is None:
+            self._vary(path, '<u4')
+        else:
+            self._append_uint32(content)
+
+    def _count_doubles(self, kind: str) -> int:
+        """Return the number of float64 of a type that consists of them; 0 for other types."""
+        if kind == 'float64':
+            return 1
+        counts = [self._count_doubles(member) for member, _ in self._members.get(kind, ())]
+        return sum(counts) if all(counts) else 0
+
+    def _append_uint32(self, value: int) -> None:
+        self._align(4)
+        self._append(value.to_bytes(4, 'little'), 0xFF)
 
     def _append(self, data: bytes, mask: int) -> None:
         self._bytes += data
@@ -84,77 +159,22 @@ class Layout:
         position = self._start + len(self._bytes)
         self._append(bytes((len(ENCAPSULATION) - position) % size), 0)
 
+    def _vary(self, path: _Path, kind: DTypeLike, *shape: int) -> None:
+        """Append a variable field, with zeros in the template."""
+        dtype = np.dtype((kind, shape))
+        self._align(dtype.alignment)
+        self._close_gap()
+        name, start = '_'.join(path) or 'numbers', len(self._bytes)
+        self._fields.append((name, dtype))
+        self._append(bytes(dtype.itemsize), 0)
+        self._described = len(self._bytes)
+        self.places[name] = slice(start, self._described)
+
     def _close_gap(self) -> None:
+        """Append an unnamed field of the bytes after the last field."""
         gap = len(self._bytes) - self._described
         if gap:
             self._fields.append((f'_{len(self._fields)}', f'V{gap}'))
-        self._described = len(self._bytes)
-
-    def _vary(self, name: str, kind: DTypeLike, *shape: int) -> None:
-        """Append a variable field, with zeros in the template."""
-        self._close_gap()
-        self._fields.append((name, kind, shape))
-        self._append(bytes(np.dtype((kind, shape)).itemsize), 0)
-        self._described = len(self._bytes)
-
-    def uint32(self, value: int) -> None:
-        """Append a constant unsigned number."""
-        self._align(4)
-        self._append(value.to_bytes(4, 'little'), 0xFF)
-
-    def varying_uint32(self, name: str) -> None:
-        """Append a variable unsigned number."""
-        self._align(4)
-        self._vary(name, '<u4')
-
-    def string(self, text: str, varying: str = '', count: int = 0) -> None:
-        """Append a string: `text`, then a field of `count` variable characters."""
-        data = text.encode()
-        self.uint32(len(data) + count + 1)
-        self._append(data, 0xFF)
-        if count:
-            self._vary(varying, np.uint8, count)
-        self._append(b'\0', 0xFF)
-
-    def stamp(self, name: str = 'stamp') -> None:
-        """Append a variable builtin_interfaces/Time."""
-        self._align(4)
-        self._vary(name, TIME)
-
-    def doubles(self, name: str, *shape: int) -> None:
-        """Append variable float64 numbers of a shape."""
-        self._align(8)
-        self._vary(name, '<f8', *shape)
-
-    def sequence(self, name: str, count: int) -> None:
-        """Append a variable float64[] of constant length."""
-        self.uint32(count)
-        self.doubles(name, count)
-
-    @property
-    def size(self) -> int:
-        """Size of the message in bytes, encapsulation header included."""
-        return len(self._bytes)
-
-    @cached_property
-    def dtype(self) -> np.dtype[np.void]:
-        """Return the dtype of the message as a record; nothing can be appended afterwards."""
-        self._close_gap()
-        return np.dtype(self._fields)
-
-    @cached_property
-    def places(self) -> dict[str, slice]:
-        """Return the byte range of each variable field in the message, in order."""
-        return {
-            name: slice(offset, offset + kind.itemsize)
-            for name, (kind, offset, *_) in (self.dtype.fields or {}).items()
-            if not name.startswith('_')
-        }
-
-    @cached_property
-    def template(self) -> bytes:
-        """Return the message with zeros in the variable fields."""
-        return bytes(self._bytes)
 
     @cached_property
     def forms(self) -> NDArray[np.uint8]:

@@ -27,7 +27,7 @@ from masmc_ros.messages.cdr_layout import (
     NANOSECONDS,
     UNREAD,
 )
-from masmc_ros.messages.multi_array import labelled_layout
+from masmc_ros.messages.multi_array import multi_array_layout
 from masmc_ros.messages.names import DRIVEN_JOINTS, RATED_JOINTS
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -97,7 +97,8 @@ class CommandKind:
         """Return the layout of a command with this number of characters after the prefix."""
         layout = self._layouts.get(characters)
         if layout is None:
-            layout = labelled_layout(self.prefix, characters, len(self.joints))
+            dimension = (self.prefix, characters), len(self.joints)
+            layout = multi_array_layout([dimension], None)
             self._layouts[characters] = layout
         return layout
 
@@ -130,8 +131,8 @@ class CommandKind:
                 _digits(nanoseconds[indices], NANOSECOND_DIGITS),
             )
             messages = self.layout(length + 1 + NANOSECOND_DIGITS).messages(
-                characters=np.hstack(label),
-                data_offset=voids[indices] * len(self.joints),
+                layout_dim_0_label=np.hstack(label),
+                layout_data_offset=voids[indices] * len(self.joints),
                 data=numbers[indices],
             )
             groups.append(CommandMessages(indices, messages))
@@ -192,8 +193,8 @@ def _digits(numbers: NDArray[np.int64], count: int) -> NDArray[np.uint8]:
 
 def _places(layout: Layout) -> NDArray[np.int64]:
     """Return the bytes at which the stamp starts and ends, the numbers and `data_offset` start."""
-    characters, data = layout.places['characters'], layout.places['data']
-    offset = layout.places['data_offset']
+    characters, data = layout.places['layout_dim_0_label'], layout.places['data']
+    offset = layout.places['layout_data_offset']
     return np.array([characters.start, characters.stop, data.start, offset.start])
 
 
@@ -243,7 +244,7 @@ class CommandWriter:
         layout = self._kind.layout(digits + 1 + NANOSECOND_DIGITS)
         self._places = _places(layout)
         offset = self._is_void * len(self._numbers)
-        (message,) = layout.messages(data_offset=[offset]).view(np.uint8).reshape(1, -1)
+        (message,) = layout.messages(layout_data_offset=[offset]).view(np.uint8).reshape(1, -1)
         self._message = message
 
 
@@ -312,7 +313,7 @@ class LabelledCdr:
         layout = self.kind.layout_of(raw)
         if layout is None or layout is self._layout:
             return False
-        characters = layout.places['characters']
+        characters = layout.places['layout_dim_0_label']
         if characters.stop - characters.start < _SHORTEST:
             return False
         self._layout, self._places = layout, _places(layout)

@@ -74,6 +74,16 @@ def definition(type_name: str) -> Definition:
     return Definition(*kept) if kept else definition_of_jazzy(type_name)
 
 
+@cache
+def members(type_name: str) -> dict[str, list[list[str]]]:
+    """Return type and name of the members of a message type and of those that it uses, by type."""
+    text = f'MSG: {type_name}\n{definition(type_name).text}'
+    return {
+        head.removeprefix('MSG: '): [line.split() for line in lines]
+        for head, *lines in map(str.splitlines, text.split('=' * 80 + '\n'))
+    }
+
+
 def definition_of_jazzy(type_name: str) -> Definition:
     """Return the definition of a message type from the library, which has all types of Jazzy."""
     store = _store()

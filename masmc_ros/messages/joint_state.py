@@ -25,15 +25,8 @@ _REMEDY = 'set velocity_source to estimated for a robot that measures positions 
 @lru_cache(maxsize=64)
 def joint_state_layout(names: tuple[str, ...] = JOINTS) -> Layout:
     """Return the layout of a joint state with an empty frame and these joints in order."""
-    layout = Layout()
-    layout.stamp()
-    layout.string('')
-    layout.uint32(len(names))
-    for name in names:
-        layout.string(name)
-    for field in FIELDS:
-        layout.sequence(field, len(names))
-    return layout
+    contents = {'name': names, **dict.fromkeys(FIELDS, len(names))}
+    return Layout('sensor_msgs/msg/JointState', contents)
 
 
 class JointStateCdr(StampedMessage):

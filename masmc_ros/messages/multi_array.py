@@ -11,47 +11,31 @@ from math import prod
 from masmc_ros.messages.cdr_layout import Layout
 
 
-def multi_array_layout(dimensions: Sequence[tuple[str, int]], data_offset: int) -> Layout:
+def multi_array_layout(
+    dimensions: Sequence[tuple[str | tuple[str, int], int]], data_offset: int | None
+) -> Layout:
     """
     Return the layout of a Float64MultiArray with labelled dimensions.
 
-    Its fields are `head`, the numbers before the array (if `data_offset` is not 0), and `data`, of
-    the shape of the dimensions.
+    Its fields are `data`, `layout_dim_N_label` of labels that vary, and `layout_data_offset` if it
+    varies.
 
     Parameters
     ----------
     dimensions
-        Label and size of each dimension, the slowest first.
+        Label and size of each dimension, the slowest first; a label that varies at its end is a
+        pair of text and number of variable characters.
     data_offset
-        Number of entries before the array.
+        Number of entries before the array; None for a variable one, without such entries.
 
     """
-    layout = Layout()
-    layout.uint32(len(dimensions))
     sizes = [size for _, size in dimensions]
-    for number, (label, size) in enumerate(dimensions):
-        layout.string(label)
-        layout.uint32(size)
-        layout.uint32(prod(sizes[number:]))
-    layout.uint32(data_offset)
-    layout.uint32(data_offset + prod(sizes))
-    if data_offset:
-        layout.doubles('head', data_offset)
-    layout.doubles('data', *sizes)
-    return layout
-
-
-def labelled_layout(label: str, characters: int, count: int) -> Layout:
-    """
-    Return the layout of `count` numbers whose label continues after `label`.
-
-    Its fields are `characters`, the remaining characters of the label, `data_offset`, and `data`.
-    """
-    layout = Layout()
-    layout.uint32(1)
-    layout.string(label, 'characters', characters)
-    layout.uint32(count)
-    layout.uint32(count)
-    layout.varying_uint32('data_offset')
-    layout.sequence('data', count)
-    return layout
+    dim = [
+        {'label': label, 'size': size, 'stride': prod(sizes[number:])}
+        for number, (label, size) in enumerate(dimensions)
+    ]
+    contents = {
+        'layout': {'dim': dim, 'data_offset': data_offset},
+        'data': (data_offset or 0) + prod(sizes),
+    }
+    return Layout('std_msgs/msg/Float64MultiArray', contents)

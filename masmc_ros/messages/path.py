@@ -11,6 +11,8 @@ from masmc_ros.messages.cdr_layout import Layout
 import numpy as np
 from numpy.typing import NDArray
 
+POSE_STAMPED = 'geometry_msgs/msg/PoseStamped'
+
 _NO_ROTATION = (0.0, 0.0, 0.0, 1.0)
 """As a quaternion x, y, z, w."""
 
@@ -18,28 +20,16 @@ _NO_ROTATION = (0.0, 0.0, 0.0, 1.0)
 @cache
 def path_layouts(frame: str) -> tuple[Layout, Layout, Layout]:
     """
-    Return the layouts of a path's head, of its first pose and of every other one.
+    Return the layouts of a path without poses, of its first pose and of every other one.
 
     They may differ in padding bytes: the first pose follows the count, the others follow numbers
-    of eight bytes. The head has the fields `stamp` and `count`; a pose has `stamp`, `position` and
-    `orientation`.
+    of eight bytes. All have the field `header_stamp`; a pose also has `pose`, its position in m
+    and its quaternion.
     """
-    head = Layout()
-    head.stamp()
-    head.string(frame)
-    head.varying_uint32('count')
-    first = _pose(frame, head.size)
-    return head, first, _pose(frame, head.size + first.size)
-
-
-def _pose(frame: str, position: int) -> Layout:
-    """Return the layout of a pose at a position in bytes of the message."""
-    layout = Layout(position)
-    layout.stamp()
-    layout.string(frame)
-    layout.doubles('position', 3)
-    layout.doubles('orientation', len(_NO_ROTATION))
-    return layout
+    contents = {'header': {'frame_id': frame}}
+    path = Layout('nav_msgs/msg/Path', contents)
+    first = Layout(POSE_STAMPED, contents, path.size)
+    return path, first, Layout(POSE_STAMPED, contents, path.size + first.size)
 
 
 def path_message(
@@ -60,12 +50,13 @@ def path_message(
         Positions (n, 3) in m.
 
     """
-    head, first, other = path_layouts(frame)
-    parts = [head.messages(stamp=[stamp_ns], count=[len(stamps)])]
-    for layout, poses in ((first, slice(1)), (other, slice(1, None))):
-        parts.append(
-            layout.messages(
-                stamp=stamps[poses], position=points[poses], orientation=_NO_ROTATION
-            )
-        )
-    return b''.join(part.tobytes() for part in parts)
+    path, first, other = path_layouts(frame)
+    count = len(stamps)
+    poses = np.column_stack((points, np.tile(_NO_ROTATION, (count, 1))))
+    # The number of poses is at the end of a path without poses.
+    head = path.messages(header_stamp=[stamp_ns]).tobytes()[:-4] + count.to_bytes(4, 'little')
+    parts = (
+        layout.messages(header_stamp=stamps[part], pose=poses[part]).tobytes()
+        for layout, part in ((first, slice(1)), (other, slice(1, None)))
+    )
+    return b''.join((head, *parts))

@@ -14,15 +14,11 @@ from masmc_ros.numerics.aliases import Array
 from masmc_ros.robot.declaration import BASE_FRAME, ODOM_FRAME
 import numpy as np
 
-_COVARIANCE = 36
-
 
 @cache
 def time_layout() -> Layout:
-    """Return the layout of builtin_interfaces/Time, which rosgraph_msgs/Clock shares."""
-    layout = Layout()
-    layout.stamp()
-    return layout
+    """Return the layout of rosgraph_msgs/Clock, which builtin_interfaces/Time shares."""
+    return Layout('rosgraph_msgs/msg/Clock')
 
 
 class TimeCdr(StampedMessage):
@@ -63,14 +59,7 @@ def odometry_numbers(odometry: deserialised.Odometry) -> tuple[int, Array, Array
 @cache
 def twist_layout() -> Layout:
     """Return the layout of geometry_msgs/Twist."""
-    layout = Layout()
-    _twist(layout)
-    return layout
-
-
-def _twist(layout: Layout) -> None:
-    layout.doubles('linear', 3)
-    layout.doubles('angular', 3)
+    return Layout('geometry_msgs/msg/Twist')
 
 
 class TwistCdr(Message):
@@ -89,17 +78,14 @@ class TwistCdr(Message):
     def __init__(self) -> None:
         """Initialise a twist of zeros."""
         super().__init__(twist_layout())
-        self.linear, self.angular = self._record['linear'], self._record['angular']
+        self.linear, self.angular = np.split(self._record['numbers'], 2)
 
 
 @cache
 def twist_stamped_layout(frame_prefix: str = '', frame: str = BASE_FRAME) -> Layout:
     """Return the layout of geometry_msgs/TwistStamped in the base's frame, with a prefix."""
-    layout = Layout()
-    layout.stamp()
-    layout.string(frame_prefix + frame)
-    _twist(layout)
-    return layout
+    contents = {'header': {'frame_id': frame_prefix + frame}}
+    return Layout('geometry_msgs/msg/TwistStamped', contents)
 
 
 class TwistStampedCdr(StampedMessage):
@@ -118,22 +104,15 @@ class TwistStampedCdr(StampedMessage):
     def __init__(self, frame_prefix: str = '', frame: str = BASE_FRAME) -> None:
         """Initialise a twist of zeros at time 0, in the base's frame."""
         super().__init__(twist_stamped_layout(frame_prefix, frame))
-        self.linear, self.angular = self._record['linear'], self._record['angular']
+        self.linear, self.angular = np.split(self._record['twist'], 2)
 
 
 @cache
 def odometry_layout(frame_prefix: str = '', frame: str = BASE_FRAME) -> Layout:
     """Return the layout of nav_msgs/Odometry from `odom` to the base's frame, with a prefix."""
-    layout = Layout()
-    layout.stamp()
-    layout.string(frame_prefix + ODOM_FRAME)
-    layout.string(frame_prefix + frame)
-    layout.doubles('position', 3)
-    layout.doubles('orientation', 4)
-    layout.doubles('pose_covariance', _COVARIANCE)
-    _twist(layout)
-    layout.doubles('twist_covariance', _COVARIANCE)
-    return layout
+    header = {'frame_id': frame_prefix + ODOM_FRAME}
+    contents = {'header': header, 'child_frame_id': frame_prefix + frame}
+    return Layout('nav_msgs/msg/Odometry', contents)
 
 
 class OdometryCdr(StampedMessage):
@@ -161,8 +140,8 @@ class OdometryCdr(StampedMessage):
         """Initialise an odometry at the origin, at rest, at time 0."""
         super().__init__(odometry_layout(frame_prefix, frame))
         record = self._record
-        self.position, self.orientation = record['position'], record['orientation']
-        self.linear, self.angular = record['linear'], record['angular']
+        self.position, self.orientation = np.split(record['pose_pose'], [3])
+        self.linear, self.angular = np.split(record['twist_twist'], 2)
         self.pose_covariance = record['pose_covariance']
         self.twist_covariance = record['twist_covariance']
         self.orientation[3] = 1.0

@@ -61,15 +61,12 @@ class ReferenceWindow:
     def to_bytes(self) -> bytes:
         """Return the serialised message; that of a set-point has neither stamp nor labels."""
         if self.stamp_ns is None:
-            layout = multi_array_layout([('', self.samples.size)], 0)
-            start, head = layout.places['data'].start, b''
+            layout, head = multi_array_layout([('', self.samples.size)], 0), []
         else:
             count, _, axes = self.samples.reshape(len(self.samples), DERIVATIVES, -1).shape
             layout = reference_layout(count, axes)
-            start = layout.places['head'].start
-            head = np.array([*divmod(self.stamp_ns, NANOSECONDS), self.period]).tobytes()
-        numbers = np.ascontiguousarray(self.samples, dtype=np.float64).tobytes()
-        return layout.template[:start] + head + numbers
+            head = [*divmod(self.stamp_ns, NANOSECONDS), self.period]
+        return layout.messages(data=np.append(head, self.samples)[None]).tobytes()
 
     @staticmethod
     def from_bytes(raw: bytes, axes: int = TASK_AXES) -> ReferenceWindow | None:
@@ -93,7 +90,7 @@ class ReferenceWindow:
             As `from_message`.
 
         """
-        start = reference_layout(1, axes).places['head'].start
+        start = reference_layout(1, axes).places['data'].start
         samples, remainder = divmod((len(raw) - start) // 8 - STAMP_NUMBERS, DERIVATIVES * axes)
         if samples < 1 or remainder:
             return None

@@ -6,13 +6,13 @@
 from __future__ import annotations
 
 from masmc_ros.errors import InputError
-from masmc_ros.messages.cdr_layout import ENCAPSULATION
+from masmc_ros.messages.cdr_layout import ENCAPSULATION, Layout
 
 
 def string_message(text: str) -> bytes:
     """Return a serialised std_msgs/String, padded to 4 bytes as in received messages."""
-    data = text.encode() + b'\0'
-    return ENCAPSULATION + len(data).to_bytes(4, 'little') + data + bytes(-len(data) % 4)
+    raw = Layout('std_msgs/msg/String', {'data': text}).template
+    return raw + bytes(-len(raw) % 4)
 
 
 def text_of(raw: bytes) -> str:

@@ -50,8 +50,8 @@ def telemetry_messages(label: str, stamps: NDArray[np.int64], values: ArrayLike)
 
     """
     values = np.asarray(values)
-    head = np.stack(np.divmod(stamps, NANOSECONDS), axis=1)
-    return telemetry_layout(label, values.shape[1]).messages(head=head, data=values)
+    data = np.column_stack((*np.divmod(stamps, NANOSECONDS), values))
+    return telemetry_layout(label, values.shape[1]).messages(data=data)
 
 
 class TelemetryCdr(Message):
@@ -76,10 +76,9 @@ class TelemetryCdr(Message):
         layout = telemetry_layout(label, count)
         super().__init__(layout)
         self._label = label
-        self._stamp_offset = layout.places['head'].start
-        self._head = self._record['head']
-        self.values = self._record['data']
-        self.numbers = self.words[-STAMP_NUMBERS - count:]
+        self._stamp_offset = layout.places['data'].start
+        self.numbers = self._record['data']
+        self.values = self.numbers[STAMP_NUMBERS:]
         self.size = layout.size
         self.head = layout.template[:self._stamp_offset]
 
@@ -134,7 +133,7 @@ class TelemetryCdr(Message):
             )
         numbers = list(map(float, message.data))
         _stamp(*numbers[:STAMP_NUMBERS])
-        self._head[:], self.values[:] = numbers[:STAMP_NUMBERS], numbers[STAMP_NUMBERS:]
+        self.numbers[:] = numbers
 
 
 def _stamp(seconds: float, nanoseconds: float) -> int:

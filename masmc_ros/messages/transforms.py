@@ -35,16 +35,14 @@ def transforms_layout(frame_prefix: str = '', frames: Frames = DEFAULT.frames) -
     """
     Return the layout of the transforms of frames, with a prefix before all names.
 
-    Each frame has the fields `stamp_CHILD` and `transform_CHILD`, which has TRANSFORM numbers.
+    The frame of index N has the fields `transforms_N_header_stamp` and `transforms_N_transform`,
+    which has TRANSFORM numbers.
     """
-    layout = Layout()
-    layout.uint32(len(frames))
-    for parent, child in frames:
-        layout.stamp(f'stamp_{child}')
-        layout.string(frame_prefix + parent)
-        layout.string(frame_prefix + child)
-        layout.doubles(f'transform_{child}', TRANSFORM)
-    return layout
+    transforms = [
+        {'header': {'frame_id': frame_prefix + parent}, 'child_frame_id': frame_prefix + child}
+        for parent, child in frames
+    ]
+    return Layout('tf2_msgs/msg/TFMessage', {'transforms': transforms})
 
 
 def transforms_messages(
@@ -69,9 +67,9 @@ def transforms_messages(
 
     """
     fields: dict[str, ArrayLike] = {}
-    for number, (_, child) in enumerate(frames):
-        fields[f'stamp_{child}'] = stamps
-        fields[f'transform_{child}'] = transforms[:, number]
+    for number in range(len(frames)):
+        fields[f'transforms_{number}_header_stamp'] = stamps
+        fields[f'transforms_{number}_transform'] = transforms[:, number]
     return transforms_layout(frame_prefix, frames).messages(**fields)
 
 
@@ -82,9 +80,11 @@ class TransformsCdr(Message):
         """Initialise transforms of zeros at time 0; `frames` are pairs of parent and child."""
         layout = transforms_layout(frame_prefix, frames)
         super().__init__(layout)
-        self._stamps = [layout.places[f'stamp_{child}'] for _, child in frames]
+        # The fields are the stamp and the numbers of each frame.
+        places = list(layout.places.values())
+        self._stamps = places[::2]
         # Indices of all numbers in `words`, for one assignment.
-        numbers = np.array([[layout.places[f'transform_{child}'].start] for _, child in frames])
+        numbers = np.array([[place.start] for place in places[1::2]])
         self._numbers = (numbers + self._lead) // 8 + np.arange(TRANSFORM)
 
     def fill(self, stamp_ns: int, transforms: NDArray[np.float64]) -> bytes:
@@ -127,9 +127,9 @@ def transforms_of(raw: bytes) -> Iterator[tuple[str, str, NDArray[np.float64]]]:
 
 def first_names(frame_prefix: str, frames: Frames = DEFAULT.frames) -> tuple[bytes, int]:
     """Return the serialised names of a robot's first frames in a TFMessage, and their place."""
-    layout, (_, child) = transforms_layout(frame_prefix, frames), frames[0]
-    names = layout.places[f'stamp_{child}'].stop
-    return layout.template[names:layout.places[f'transform_{child}'].start], names
+    layout = transforms_layout(frame_prefix, frames)
+    stamp, numbers, *_ = layout.places.values()
+    return layout.template[stamp.stop:numbers.start], stamp.stop
 
 
 def is_of_robot(raw: bytes, frame_prefix: str) -> bool:

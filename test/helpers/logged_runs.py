@@ -42,7 +42,10 @@ class Numbers(NamedTuple):
     def states(self) -> Messages:
         """Return the joint states as serialised messages."""
         return joint_state_layout().messages(
-            stamp=self.stamps, position=self.position, velocity=self.velocity, effort=self.effort
+            header_stamp=self.stamps,
+            position=self.position,
+            velocity=self.velocity,
+            effort=self.effort,
         )
 
 

@@ -142,7 +142,7 @@ def test_command_label_without_padding_gives_stamp(seconds: int, nanoseconds: in
     label = f'{seconds}.{nanoseconds}'
     layout = EFFORT.layout(len(label))
     raw = bytearray(layout.template)
-    raw[layout.places['characters']] = label.encode()
+    raw[layout.places['layout_dim_0_label']] = label.encode()
     message, stamp = command(), seconds * 10**9 + nanoseconds
     assert EFFORT.stamp_of(bytes(raw)) == stamp
     if not message.load(bytes(raw)):
@@ -156,7 +156,7 @@ def test_command_label_without_padding_gives_stamp(seconds: int, nanoseconds: in
 def test_label_without_stamp_raises(label: str) -> None:
     layout = EFFORT.layout(len(label))
     raw = bytearray(layout.template)
-    raw[layout.places['characters']] = label.encode()
+    raw[layout.places['layout_dim_0_label']] = label.encode()
     message = command()
     before = message.to_bytes()
     assert not message.load(bytes(raw))
@@ -319,7 +319,7 @@ def test_reference_window_invalid_raises(message: Any, expected: str) -> None:
 
 def test_reference_window_nan_in_own_layout_raises() -> None:
     layout = reference_layout(1)
-    raw = layout.template[: layout.places['head'].start] + np.full(15, np.nan).tobytes()
+    raw = layout.template[: layout.places['data'].start] + np.full(15, np.nan).tobytes()
     with pytest.raises(InputError, match='number 0 is not finite'):
         ReferenceWindow.from_bytes(raw)
 

@@ -66,7 +66,7 @@ def state_by_record(raw: bytes, names: tuple[str, ...]) -> tuple[int, Any]:
     if len(raw) != layout.size:
         return UNREAD, None
     (is_ours,), (record,) = layout.read([raw])
-    stamp = int(stamps_of(record['stamp']))
+    stamp = int(stamps_of(record['header_stamp']))
     is_usable = np.isfinite([record['position'], record['velocity']]).all() and stamp < END_OF_TIME
     # Seconds are signed: one that is negative reads as a time before 0.
     return (stamp, record) if is_ours and is_usable and stamp >= 0 else (UNREAD, None)
@@ -136,8 +136,9 @@ def command_by_record(raw: bytes, kind: LabelledCdr) -> tuple[int, Any]:
     if layout is None or len(raw) != layout.size:
         return UNREAD, None
     (is_ours,), (record,) = layout.read([raw])
-    label = re.fullmatch(rb'(\d{1,10})\.(\d{9})', record['characters'].tobytes())
-    is_usable = np.isfinite(record['data']).all() and record['data_offset'] in (0, len(kind.data))
+    label = re.fullmatch(rb'(\d{1,10})\.(\d{9})', record['layout_dim_0_label'].tobytes())
+    offset = record['layout_data_offset']
+    is_usable = np.isfinite(record['data']).all() and offset in (0, len(kind.data))
     if not (is_ours and is_usable and label and int(label[1]) < END_OF_TIME // NANOSECONDS):
         return UNREAD, None
     return int(label[1]) * NANOSECONDS + int(label[2]), record
@@ -162,7 +163,7 @@ def test_command_reader_equals_record(
             assert command.to_bytes() == before
         else:
             assert command.stamp_ns == expected
-            assert command.is_void is bool(record['data_offset'])
+            assert command.is_void is bool(record['layout_data_offset'])
             assert command.data.tobytes() == record['data'].tobytes()
 
 

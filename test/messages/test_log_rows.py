@@ -34,7 +34,7 @@ def test_joint_states_in_bulk_equal_single_messages(stamps: np.ndarray) -> None:
     values = numbers(len(stamps), 21)
     position, velocity, effort = np.split(values, 3, axis=1)
     rows = joint_state_layout().messages(
-        stamp=stamps, position=position, velocity=velocity, effort=effort
+        header_stamp=stamps, position=position, velocity=velocity, effort=effort
     )
     message = JointStateCdr()
     assert len(rows) == len(stamps)
@@ -65,7 +65,7 @@ def test_arm_velocities_and_twists_in_bulk_equal_single_messages(stamps: np.ndar
     values = numbers(len(stamps), 8)
     arm, twist = ArmVelocityCdr(), TwistStampedCdr('left/')
     twists = twist_stamped_layout('left/').messages(
-        stamp=stamps, linear=values[:, 2:5], angular=values[:, 5:]
+        header_stamp=stamps, twist=values[:, 2:]
     )
     for indices, rows in ARM_VELOCITY.messages(stamps, values[:, :2]):
         for index, row in zip(indices.tolist(), rows, strict=True):
@@ -94,14 +94,10 @@ def test_odometry_twist_and_clock_in_bulk_equal_single_messages(stamps: np.ndarr
     odometry, twist, clock = OdometryCdr(), TwistCdr(), TimeCdr()
     all_rows = zip(
         odometry_layout().messages(
-            stamp=stamps,
-            position=values[:, :3],
-            orientation=values[:, 3:7],
-            linear=values[:, 7:10],
-            angular=values[:, 10:],
+            header_stamp=stamps, pose_pose=values[:, :7], twist_twist=values[:, 7:]
         ),
-        twist_layout().messages(linear=values[:, 7:10], angular=values[:, 10:]),
-        time_layout().messages(stamp=stamps),
+        twist_layout().messages(numbers=values[:, 7:]),
+        time_layout().messages(clock=stamps),
         strict=True,
     )
     for stamp, value, (odometry_row, twist_row, time_row) in zip(

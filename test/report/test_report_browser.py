@@ -22,7 +22,7 @@ import pytest
 FIREFOX = next(filter(None, map(shutil.which, ('firefox', 'firefox-esr'))), None)
 needs_firefox = pytest.mark.skipif(FIREFOX is None, reason='no Firefox here')
 
-PLOTS = 2 + 4 + 4
+PLOTS = 4 + 4 + 4
 BLUE, BLUE_IN_THE_DARK = (0x00, 0x72, 0xB2), (0x4A, 0xA8, 0xE0)
 
 LOOK = """

@@ -110,7 +110,7 @@ def test_report_page_internal_links_have_targets(both: Page) -> None:
 
 
 def test_report_page_plots_have_titles_and_units(both: Page) -> None:
-    assert len(both.figures()) == 2 + 6 + 4
+    assert len(both.figures()) == 4 + 6 + 4
     for name in both.figures():
         (title,) = both.root.find_all('figcaption', id=f'{name}-title')
         assert title.text

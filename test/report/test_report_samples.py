@@ -59,7 +59,7 @@ def test_packed_signal_long_has_bounds_of_every_section(values: np.ndarray, limi
 @given(hnp.arrays(float, st.tuples(st.integers(1, 120), st.just(2)), elements=ANY),
        st.integers(1, 130))  # fmt: skip
 def test_packed_path_keeps_both_ends(points: np.ndarray, limit: int) -> None:
-    packed = packed_path(points, limit)
+    packed = packed_path(*points.T, limit)
     path = np.stack([unpacked(packed[axis]) for axis in 'xy'], axis=1)
     assert len(path) <= limit + 1
     np.testing.assert_array_equal(path[[0, -1]], single(points[[0, -1]]))

@@ -28,7 +28,7 @@ from masmc_ros.messages.commands import CommandKind, LabelledCdr
 from masmc_ros.messages.joint_state import FIELDS, joint_state_layout, JointStateCdr
 from masmc_ros.messages.names import JOINTS
 from masmc_ros.messages.reference_window import ReferenceWindow
-from masmc_ros.messages.telemetry import telemetry_layout, TelemetryCdr
+from masmc_ros.messages.telemetry import STAMP_NUMBERS, telemetry_layout, TelemetryCdr
 from masmc_ros.numerics.aliases import Array, Stamps
 import numpy as np
 from numpy.typing import NDArray
@@ -183,7 +183,8 @@ def joint_states(
     message, layout = JointStateCdr(names), joint_state_layout(names)
 
     def bulk(states: Messages) -> tuple[Stamps, Array, bool]:
-        return stamps_of(states['stamp']), np.hstack([states[field] for field in FIELDS]), True
+        numbers = np.hstack([states[field] for field in FIELDS])
+        return stamps_of(states['header_stamp']), numbers, True
 
     def single(received: deserialised.JointState, _: int) -> tuple[int, Array]:
         message.load_message(received, joints, unknown_velocity=np.nan)
@@ -200,7 +201,7 @@ def commands(kind: CommandKind) -> MessageFormat:
         return kind.layout_of(raw)
 
     def bulk(messages: Messages) -> tuple[Stamps, Array, NDArray[np.bool_]]:
-        stamps, has_digits = _label_stamps(messages['characters'])
+        stamps, has_digits = _label_stamps(messages['layout_dim_0_label'])
         return stamps, messages['data'], has_digits
 
     def single(received: deserialised.Float64MultiArray, log_time: int) -> tuple[int, Array]:
@@ -226,11 +227,11 @@ def telemetry(label: str, count: int) -> MessageFormat:
     message, layout = TelemetryCdr(label, count), telemetry_layout(label, count)
 
     def bulk(messages: Messages) -> tuple[Stamps, Array, NDArray[np.bool_]]:
-        head = messages['head']
+        head, values = np.split(messages['data'], [STAMP_NUMBERS], axis=1)
         # False for NaN, too.
         usable = np.all((head >= 0.0) & (head < _STAMP_LIMITS), axis=1, keepdims=True)
         seconds, nanoseconds = np.where(usable, head, 0.0).astype(np.int64).T
-        return seconds * NANOSECONDS + nanoseconds, messages['data'], usable[:, 0]
+        return seconds * NANOSECONDS + nanoseconds, values, usable[:, 0]
 
     def single(received: deserialised.Float64MultiArray, _: int) -> tuple[int, Array]:
         message.load_message(received)

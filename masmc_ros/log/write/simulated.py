@@ -177,7 +177,7 @@ class SimulationLog:
         effort = np.zeros_like(tick_block.position)
         effort[:, len(self._mechanism.base):] = tick_block.applied
         yield message_names.STATE_TOPIC, block.stamps, joint_state_layout(self._joints).messages(
-            stamp=block.stamps,
+            header_stamp=block.stamps,
             position=tick_block.position,
             velocity=tick_block.velocity,
             effort=effort,
@@ -196,13 +196,12 @@ class SimulationLog:
             return
         rates = np.zeros((len(stamps), 6))
         rates[:, [component.place for component in mechanism.twist]] = tick_block.rates[:, :own]
-        twist = {'linear': rates[:, :3], 'angular': rates[:, 3:]}
         if self._is_stamped:
             frame = mechanism.frames[0][1]
             layout = platform_messages.twist_stamped_layout(self._command_prefix, frame)
-            twists = layout.messages(stamp=stamps, **twist)
+            twists = layout.messages(header_stamp=stamps, twist=rates)
         else:
-            twists = platform_messages.twist_layout().messages(**twist)
+            twists = platform_messages.twist_layout().messages(numbers=rates)
         yield message_names.CMD_VEL_TOPIC, stamps, twists
         if controller.is_hybrid:
             return
@@ -226,12 +225,11 @@ class SimulationLog:
         pose, velocity = mechanism.formulas.base_motion(
             tick_block.position[rows], tick_block.velocity[rows]
         )
-        twist = {'linear': velocity[:, :3], 'angular': velocity[:, 3:]}
         layout = platform_messages.odometry_layout(self._prefix, mechanism.frames[0][1])
         yield 'odom', stamps, layout.messages(
-            stamp=stamps, position=pose[:, :3], orientation=pose[:, 3:], **twist
+            header_stamp=stamps, pose_pose=pose, twist_twist=velocity
         )
-        yield 'base_twist', stamps, platform_messages.twist_layout().messages(**twist)
+        yield 'base_twist', stamps, platform_messages.twist_layout().messages(numbers=velocity)
         topic, label = message_names.CONTACT_TOPIC, message_names.CONTACT_LABEL
         if topic in self._channels:
             yield topic, stamps, telemetry_messages(label, stamps, tick_block.contact[rows])
@@ -239,7 +237,7 @@ class SimulationLog:
     def _clock(self, block: _Block) -> Iterator[_Rows]:
         stamps = block.stamps[self._rows(block, 'clock')]
         yield message_names.CLOCK_TOPIC, stamps, platform_messages.time_layout().messages(
-            stamp=stamps
+            clock=stamps
         )
 
     def _transforms(self, block: _Block) -> Iterator[_Rows]:

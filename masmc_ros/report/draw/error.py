@@ -8,13 +8,14 @@ from __future__ import annotations
 from masmc_ros.report.draw.style import (
     caption,
     COLUMN,
+    draw_line,
     GREY,
-    line_styles,
     new_figure,
     time_axis,
 )
 from masmc_ros.report.measure.metrics import Metrics
 from masmc_ros.report.measure.tracking import SMALL, Tracking
+from masmc_ros.report.panels import error_panel
 from masmc_ros.robot.declaration import Point
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -38,23 +39,21 @@ def error_figure(
         return None
     figure = new_figure(COLUMN, _HEIGHT)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-    error = tracked.small_errors(point)
-    unit = point.small_unit
     # Letters for the axes of a path, numbers for joints.
-    names = [str(1 + i) for i in range(point.size)]
+    axis_names = [str(1 + i) for i in range(point.size)]
     if point.is_place:
-        names = [f'{axis}_{point.symbol}' for axis in 'xy']
+        axis_names = [f'{axis}<sub>{point.symbol}</sub>' for axis in 'xy']
+    panel = error_panel(tracked, point, [f'<i>e<sub>{name}</sub></i>' for name in axis_names])
     for axes in (upper, lower):
         axes.axhline(0.0, color=GREY, linewidth=0.6)
-        for values, name, style in zip(error.T, names, line_styles(point.size), strict=True):
-            legend = f'$e_{{{name}}}$'
-            axes.plot(tracked.times, values, linewidth=0.9, label=legend, **style)
-        axes.set_ylabel(f'error ({unit})')
-    _enlarge(lower, tracked, error, reached)
+        for line in panel.lines:
+            draw_line(axes, line, linewidth=0.9)
+        axes.set_ylabel(panel.quantity)
+    _enlarge(lower, tracked, tracked.small_errors(point), reached)
     lower.text(
         1.0,
         1.02,
-        rf'enlarged; RMS $|e_{point.symbol}|$ = {rms * SMALL:.3g} {unit} over'
+        rf'enlarged; RMS $|e_{point.symbol}|$ = {rms * SMALL:.3g} {point.small_unit} over'
         f' {reached.start:g}–{reached.end:g} s',
         transform=lower.transAxes,
         fontsize=7.0,

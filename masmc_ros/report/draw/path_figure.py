@@ -7,25 +7,15 @@ from __future__ import annotations
 
 from masmc_ros.log.read.reader import Run
 from masmc_ros.report.draw.robot_drawing import draw_robot
-from masmc_ros.report.draw.style import (
-    BLACK,
-    BLUE,
-    caption,
-    GREEN,
-    GREY,
-    new_figure,
-    PAGE,
-    PURPLE,
-    VERMILLION,
-)
+from masmc_ros.report.draw.style import caption, draw_line, GREY, mathtext, new_figure, PAGE
 from masmc_ros.report.measure.parameters import run_robot
 from masmc_ros.report.measure.tracking import Tracking
+from masmc_ros.report.panels import INK, path_panel
 from masmc_ros.robot.robot import Robot
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 import numpy as np
 
-_COLOURS = (BLUE, VERMILLION, GREEN, PURPLE)
 _INSTANTS = 6
 _FLATTEST, _STEEPEST = 0.2, 0.8
 """Height of the drawing over its width."""
@@ -53,17 +43,15 @@ def path_figure(run: Run, tracked: Tracking, label: str) -> Figure | None:
     if robot is not None:
         _draw_instants(axes, robot, run)
     lines = []
-    for point, colour in zip(run.mechanism.places, _COLOURS, strict=False):
-        name = point.symbol
-        x, y = tracked.actual[:, point.axes].T
-        lines += axes.plot(x, y, color=colour, linewidth=1.2, label=f'{name} actual', zorder=2.5)
-        axes.plot(x[:1], y[:1], 'o', color=colour, markersize=3.5, zorder=2.5)
-        x, y = tracked.desired[:, point.axes].T
-        lines += axes.plot(
-            x, y, color=BLACK, linewidth=0.8, dashes=(4, 3), label=f'{name} desired', zorder=2.6
-        )
+    panel = path_panel(run, tracked)
+    for line in panel.lines:
+        is_desired = line.colour == INK
+        width, depth, marker = (0.8, 2.6, '') if is_desired else (1.2, 2.5, 'o')
+        lines.append(draw_line(
+            axes, line, linewidth=width, zorder=depth, marker=marker, markersize=3.5, markevery=[0]
+        ))
     axes.set_xlabel('$x$ (m)')
-    axes.set_ylabel('$y$ (m)')
+    axes.set_ylabel(mathtext(panel.quantity))
     width, height = _fit(axes)
     figure.set_figheight(figure.get_figwidth() * (_SURROUND + height / width * _WIDTH) / PAGE)
     caption(figure, axes, label, lines)

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from html import unescape
 import io
-from itertools import cycle, islice, product
 import math
 from typing import Any
 
+from masmc_ros.report.panels import COLOURS, Line
 import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -27,7 +28,7 @@ PAGE = 180.0
 
 DPI = 300
 
-# Okabe and Ito's colours, which the colour-blind distinguish; their yellow is too faint on white.
+# Okabe and Ito's yellow is too faint on white.
 BLACK = '#000000'
 BLUE = '#0072B2'
 ORANGE = '#E69F00'
@@ -36,6 +37,9 @@ VERMILLION = '#D55E00'
 PURPLE = '#CC79A7'
 SKY = '#56B4E9'
 GREY = '#8C8C8C'
+
+_TONES = dict(zip(COLOURS, (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK), strict=True))
+_DASHES = {'solid': '-', 'dash': '--', 'dot': ':', 'dashdot': '-.'}
 
 _MILLIMETRES_PER_INCH = 25.4
 _GAP = 10.0
@@ -101,12 +105,14 @@ def png(figure: Figure) -> bytes:
     return out.getvalue()
 
 
-def line_styles(count: int) -> list[dict[str, Any]]:
-    """Return colours and dashes of `count` lines: first all colours solid, then dashed."""
-    colours = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK)
-    dashes = ('-', '--', '-.', ':')
-    styles = ({'color': c, 'linestyle': d} for d, c in product(dashes, colours))
-    return list(islice(cycle(styles), count))
+def draw_line(axes: Axes, line: Line, **style: Any) -> Line2D:
+    """Draw a line of a panel; `style` are further properties of matplotlib."""
+    (drawn,) = axes.plot(
+        line.x, line.y, color=_TONES[line.colour], ls=_DASHES[line.dash], **style
+    )
+    # Set afterwards: matplotlib skips a label that starts with an underscore.
+    drawn.set_label(mathtext(line.name))
+    return drawn
 
 
 def caption(figure: Figure, axes: Axes, label: str, handles: Sequence[Line2D]) -> None:
@@ -138,3 +144,11 @@ def time_axis(axes: Axes) -> None:
 def plain(text: str) -> str:
     """Return text without mathematics, such as a file name with dollar signs."""
     return text.replace('$', r'\$')
+
+
+def mathtext(html: str) -> str:
+    """Return a text of a panel, HTML with symbols in italics, for matplotlib."""
+    text = plain(html)
+    for tag, mark in (('<i>', '$'), ('</i>', '$'), ('<sub>', '_{'), ('</sub>', '}')):
+        text = text.replace(tag, mark)
+    return unescape(text)

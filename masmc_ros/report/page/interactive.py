@@ -7,34 +7,30 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from html import escape
-from itertools import compress, cycle, product
+from itertools import compress, cycle
 from typing import NamedTuple
 
 from masmc_ros.log.read.decode import Series
 from masmc_ros.log.read.reader import Run
 from masmc_ros.loop.signals import CONTACT, PUBLISHED, Signal
-from masmc_ros.numerics.aliases import Array
 from masmc_ros.report.measure.parameters import run_changes
 from masmc_ros.report.measure.tracking import Compared, Tracking
 from masmc_ros.report.page.packed_samples import packed_path
-from masmc_ros.report.page.time_plot import (
+from masmc_ros.report.page.time_plot import panel_plot, time_plot
+from masmc_ros.report.panels import (
     COLOURS,
-    INK,
+    comparison_panels,
+    error_panel,
     Line,
     lines,
-    page_layout,
-    scatter,
-    time_plot,
+    Panel,
+    path_panel,
 )
 import numpy as np
 import plotly.graph_objects as go
 
-Shown = tuple[str, str, str, list[Line]]
-"""Name, title, quantity and lines of a plot over time."""
-
 _MOST = 14
 """Maximum number of lines of a plot of controller signals."""
-_DASHES = ('solid', 'dash', 'dot', 'dashdot')
 
 
 class Plot(NamedTuple):
@@ -66,44 +62,40 @@ def span_of(runs: Sequence[Run]) -> tuple[float, float]:
 
 
 def comparison_plots(compared: Sequence[Compared], span: tuple[float, float]) -> list[Plot]:
-    """Return the distances of the points in all runs with errors; empty without such runs."""
-    known = [entry for entry in compared if len(entry.tracked.error)]
+    """Return the panels of a comparison, without those that no run has."""
     plots = []
-    for point in dict.fromkeys(p for entry in known for p in entry.run.mechanism.points):
-        drawn = []
-        for entry, (dash, colour) in zip(known, cycle(product(_DASHES, COLOURS)), strict=False):
-            if (errors := entry.errors(point)) is not None:
-                times, vectors = errors
-                size = np.linalg.norm(vectors, axis=1)
-                # A logarithmic axis does not show zero.
-                size[size == 0.0] = np.nan
-                drawn.append(Line(escape(entry.label), times, size, colour, dash))
-        quantity = f'|e<sub>{point.symbol}</sub>| ({point.small_unit})'
-        title = f'Distance of the {point.title.removeprefix("the ")} from its reference, all runs'
-        figure = time_plot(drawn, quantity, span, is_logarithmic=True)
-        plots.append(Plot(f'comparison_{point.symbol}', title, figure))
+    for panel in comparison_panels(compared):
+        # A logarithmic axis does not show zero.
+        drawn = [
+            line._replace(y=np.where(line.y == 0.0, np.nan, line.y))
+            for line in panel.lines
+            if len(line.x)
+        ]
+        if drawn:
+            figure = time_plot(panel._replace(lines=drawn), span, is_logarithmic=True)
+            plots.append(Plot(panel.name, f'{panel.title}, all runs', figure))
     return plots
 
 
 def run_plots(compared: Compared, span: tuple[float, float]) -> list[Plot]:
     """Return the plots of all signals in the log of a run."""
     run, changes = compared.run, run_changes(compared.run)
-    path = Plot('path', 'Paths in the plane', _path(run, compared.tracked), is_over_time=False)
-    return [path] + [
-        Plot(name, title, time_plot(drawn, quantity, span, changes))
-        for name, title, quantity, drawn in _shown(run, compared.tracked)
+    path = path_panel(run, compared.tracked)
+    plane = panel_plot(path, '<i>x</i> (m)', packed_path)
+    plane.update_yaxes(scaleanchor='x')
+    return [Plot(path.name, path.title, plane, is_over_time=False)] + [
+        Plot(panel.name, panel.title, time_plot(panel, span, changes))
+        for panel in _shown(run, compared.tracked)
     ]
 
 
-def _shown(run: Run, tracked: Tracking) -> Iterator[Shown]:
-    """Yield all plots over time."""
+def _shown(run: Run, tracked: Tracking) -> Iterator[Panel]:
+    """Yield all panels over time."""
     mechanism, start = run.mechanism, run.times[0]
     if len(tracked.error):
         for point in mechanism.points:
             names = [f'e of {axis.html}' for axis in mechanism.axes[point.axes]]
-            drawn = lines(names, tracked.times, tracked.small_errors(point))
-            title, quantity = f'Tracking error of {point.title}', f'error ({point.small_unit})'
-            yield f'error_{point.symbol}', title, quantity, drawn
+            yield error_panel(tracked, point, names)
     signals = [signal for signal in PUBLISHED if signal.title and signal.name in run.telemetry]
     yield from (_published(run, signal) for signal in signals if signal.size == 'axes')
     if run.commands_rates or len(run.cmd_vel):
@@ -115,14 +107,14 @@ def _shown(run: Run, tracked: Tracking) -> Iterator[Shown]:
             drives, run.torque.times - start, run.torque.values
         )
         drawn += _raw_torques(run)
-    yield 'torque', title, 'torque (N·m)', drawn
+    yield Panel('torque', title, 'torque (N·m)', drawn)
     yield from (_published(run, signal) for signal in signals if signal.size != 'axes')
     if run.contact is not None:
         yield from _contacts(run, run.contact)
 
 
-def _published(run: Run, signal: Signal) -> Shown:
-    """Return the plot of a signal of the controller."""
+def _published(run: Run, signal: Signal) -> Panel:
+    """Return the panel of a signal of the controller."""
     series, components = run.telemetry[signal.name], run.components(signal)
     quantity = symbol = signal.symbol or signal.name
     units = [signal.unit_of(component.unit) for component in components]
@@ -135,7 +127,7 @@ def _published(run: Run, signal: Signal) -> Shown:
         title = f'{title}: the {_MOST} of {len(names)} that move most'
         chosen = np.sort(np.argsort(np.nan_to_num(np.ptp(values, axis=0)))[-_MOST:])
         names, values = [names[i] for i in chosen], values[:, chosen]
-    return signal.name, title, quantity, lines(names, series.times - run.times[0], values)
+    return Panel(signal.name, title, quantity, lines(names, series.times - run.times[0], values))
 
 
 def _raw_torques(run: Run) -> list[Line]:
@@ -150,7 +142,7 @@ def _raw_torques(run: Run) -> list[Line]:
     return [line._replace(dash='dot') for line in compress(drawn, is_limited)]
 
 
-def _contacts(run: Run, contact: Series) -> Iterator[Shown]:
+def _contacts(run: Run, contact: Series) -> Iterator[Panel]:
     """Yield slip and forces of the wheels on the ground."""
     names = run.contact_names
     values = contact.values.reshape(len(contact), len(names), len(CONTACT))
@@ -164,10 +156,10 @@ def _contacts(run: Run, contact: Series) -> Iterator[Shown]:
         ]
         shown = values[:, :, parts].reshape(len(contact), -1)
         drawn = lines(labels, contact.times - run.times[0], shown)
-        yield name, title, f'{quantity} ({unit})', drawn
+        yield Panel(name, title, f'{quantity} ({unit})', drawn)
 
 
-def _velocities(run: Run) -> Iterator[Shown]:
+def _velocities(run: Run) -> Iterator[Panel]:
     """Yield the commanded velocities, in m/s and in rad/s, each with its own times."""
     mechanism, start = run.mechanism, run.times[0]
     entries = [(velocity.name, velocity.unit) for velocity in mechanism.twist]
@@ -183,30 +175,5 @@ def _velocities(run: Run) -> Iterator[Shown]:
     ]
     speeds = [line for unit, line in drawn if unit == 'm/s']
     rates = [line for unit, line in drawn if unit != 'm/s']
-    yield 'speed', 'Speed commanded', 'speed (m/s)', speeds
-    yield 'rates', 'Rates commanded', 'rate (rad/s)', rates
-
-
-def _path(run: Run, tracked: Tracking) -> go.Figure:
-    """Draw the paths of the robot's points, or of its base if these are not known."""
-    figure = go.Figure(layout=page_layout())
-    if tracked.actual is None or not run.mechanism.places:
-        pose, _ = run.mechanism.formulas.base_motion(run.position, run.velocity)
-        _add_path(figure, run.mechanism.origin, pose[:, :2], 'green', 'solid')
-    for number, (point, colour) in enumerate(
-        zip(run.mechanism.places, ('blue', 'vermillion', 'green', 'purple'), strict=False)
-    ):
-        for kind, values, tone, dash in (
-            ('actual', tracked.actual, colour, 'solid'),
-            ('desired', tracked.desired, INK, 'dot' if number else 'dash'),
-        ):
-            if values is not None:
-                points = values[:, point.axes]
-                _add_path(figure, f'{point.symbol} {kind}', points, tone, dash)
-    figure.update_xaxes(title='x (m)')
-    figure.update_yaxes(title='y (m)', scaleanchor='x')
-    return figure
-
-
-def _add_path(figure: go.Figure, name: str, points: Array, colour: str, dash: str) -> None:
-    figure.add_trace(scatter(name, packed_path(points), colour, dash))
+    yield Panel('speed', 'Speed commanded', 'speed (m/s)', speeds)
+    yield Panel('rates', 'Rates commanded', 'rate (rad/s)', rates)

@@ -45,15 +45,14 @@ def packed_signal(times: Array, values: Array, most: int = MOST) -> dict[str, st
     }
 
 
-def packed_path(points: Array, most: int = MOST) -> dict[str, str]:
+def packed_path(x: Array, y: Array, most: int = MOST) -> dict[str, str]:
     """
-    Return points (n, 2) of a path, of more than `most` the first of each range.
+    Return points (x, y) of a path, of more than `most` the first of each range.
 
     The distance between two points is too small to be visible.
     """
-    size = _size(len(points), most)
-    kept = points[np.unique(np.append(np.arange(0, len(points), size), len(points) - 1))]
-    return {'x': _packed(kept[:, 0]), 'y': _packed(kept[:, 1])}
+    kept = np.unique(np.append(np.arange(0, len(x), _size(len(x), most)), len(x) - 1))
+    return {'x': _packed(x[kept]), 'y': _packed(y[kept])}
 
 
 def _size(count: int, most: int) -> int:

@@ -5,77 +5,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from html import escape
 from itertools import groupby
-from typing import NamedTuple
 
 from masmc_ros.numerics.aliases import Array
 from masmc_ros.report.measure.parameters import Change, change_texts
 from masmc_ros.report.page.packed_samples import packed_signal
+from masmc_ros.report.panels import INK, Panel
 import plotly.graph_objects as go
-
-COLOURS = ('blue', 'vermillion', 'green', 'purple', 'orange', 'sky', 'ink')
-"""Okabe and Ito's colours by their names in the page, which has a light and a dark tone."""
-
-INK = 'ink'
-"""Colour of the text."""
-
-_SOLID = 4
-"""Number of solid lines of a plot."""
-
-_DASHES = 'dash', 'dot', 'dashdot'
-"""Dashes of further lines."""
 
 _NAMED = 8
 """Maximum number of changes with visible names; others have tooltips only."""
 
-
-class Line(NamedTuple):
-    """Signal to draw; `name` is HTML for plotly."""
-
-    name: str
-    times: Array
-    values: Array
-    colour: str
-    dash: str = 'solid'
-
-
-def lines(names: Sequence[str], times: Array, values: Array) -> list[Line]:
-    """
-    Return the columns of values (n, m) as lines of different colours.
-
-    From the fifth line they are dashed, as more colours are hard to distinguish.
-    """
-    return [
-        Line(
-            name,
-            times,
-            column,
-            COLOURS[number % len(COLOURS)],
-            'solid' if number < _SOLID else _DASHES[number // len(COLOURS) % len(_DASHES)],
-        )
-        for number, (name, column) in enumerate(zip(names, values.T, strict=True))
-    ]
+_LAYOUT = {
+    'template': None,
+    'margin': {'l': 64, 'r': 12, 't': 32, 'b': 48},  # above are the buttons
+    'legend': {'orientation': 'h', 'x': 0.0, 'y': 0.0, 'yref': 'container'},
+    'hovermode': 'closest',
+    'showlegend': True,
+    'font': {'size': 13},
+}
+"""Layout of all plots of the page."""
 
 
 def time_plot(
-    drawn: Sequence[Line],
-    quantity: str,
+    panel: Panel,
     span: tuple[float, float],
     changes: Sequence[Change] = (),
     *,
     is_logarithmic: bool = False,
 ) -> go.Figure:
     """
-    Draw lines over time.
+    Draw the lines of a panel over time.
 
     Parameters
     ----------
-    drawn
-        times in s from the first state.
-    quantity
-        quantity of the ordinate with its unit.
+    panel
+        panel over time in s from the first state.
     span
         start and end of the abscissa in s.
     changes
@@ -84,11 +51,8 @@ def time_plot(
         whether the ordinate is logarithmic.
 
     """
-    figure = go.Figure(layout=page_layout())
-    for name, times, values, colour, dash in drawn:
-        figure.add_trace(scatter(name, packed_signal(times, values), colour, dash))
-    figure.update_xaxes(title='time (s)', range=list(span))
-    figure.update_yaxes(title=quantity)
+    figure = panel_plot(panel, 'time (s)', packed_signal)
+    figure.update_xaxes(range=list(span))
     if is_logarithmic:
         figure.update_yaxes(type='log', dtick=1, tickformat='~g')
     if changes:
@@ -96,27 +60,19 @@ def time_plot(
     return figure
 
 
-def scatter(name: str, samples: dict[str, str], colour: str, dash: str) -> go.Scatter:
-    """Return a line whose colour and visible samples the page sets."""
-    return go.Scatter(
-        name=name,
-        mode='lines',
+def panel_plot(
+    panel: Panel, abscissa: str, pack: Callable[[Array, Array], dict[str, str]]
+) -> go.Figure:
+    """Draw lines whose colours and visible samples the page sets; `pack` packs their samples."""
+    figure = go.Figure(layout=_LAYOUT)
+    for name, x, y, colour, dash in panel.lines:
         # The page reduces the samples; the simplification of plotly has visible corners.
-        line={'width': 1.5, 'dash': dash, 'simplify': False},
-        meta={'colour': colour, 'samples': samples},
-    )
-
-
-def page_layout() -> dict[str, object]:
-    """Return the layout of all plots of the page."""
-    return {
-        'template': None,
-        'margin': {'l': 64, 'r': 12, 't': 32, 'b': 48},  # above are the buttons
-        'legend': {'orientation': 'h', 'x': 0.0, 'y': 0.0, 'yref': 'container'},
-        'hovermode': 'closest',
-        'showlegend': True,
-        'font': {'size': 13},
-    }
+        line = {'width': 1.5, 'dash': dash, 'simplify': False}
+        meta = {'colour': colour, 'samples': pack(x, y)}
+        figure.add_trace(go.Scatter(name=name, mode='lines', line=line, meta=meta))
+    figure.update_xaxes(title=abscissa)
+    figure.update_yaxes(title=panel.quantity)
+    return figure
 
 
 def _mark(figure: go.Figure, changes: Sequence[Change]) -> None:

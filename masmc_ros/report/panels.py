@@ -1,0 +1,168 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Panels of the figures and of the page: titles, axes with units, and lines.
+
+Texts are HTML of plotly, with symbols in italics; `style.mathtext` converts them for matplotlib.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from html import escape
+from typing import NamedTuple
+
+from masmc_ros.log.read.decode import Series
+from masmc_ros.log.read.reader import Run
+from masmc_ros.numerics.aliases import Array
+from masmc_ros.report.measure.tracking import Compared, Tracking
+from masmc_ros.robot.declaration import Mechanism, Point
+import numpy as np
+
+COLOURS = ('blue', 'vermillion', 'green', 'purple', 'orange', 'sky', 'ink')
+"""Okabe and Ito's colours, which the colour-blind distinguish; `ink` is the colour of the text."""
+
+INK = COLOURS[-1]
+
+_SOLID = 4
+"""Number of solid lines of a panel."""
+
+_DASHES = 'dash', 'dot', 'dashdot'
+"""Dashes of further lines."""
+
+_Vectors = tuple[Array, Array]
+"""Times and vectors (n, m)."""
+
+_Subject = tuple[str, str, Callable[[Compared], _Vectors | None]]
+"""Title, quantity, and function that returns the vectors of a run, None if it has none."""
+
+
+class Line(NamedTuple):
+    """Line through points (x, y), with its name in the legend."""
+
+    name: str
+    x: Array
+    y: Array
+    colour: str
+    dash: str = 'solid'
+
+
+class Panel(NamedTuple):
+    """
+    Lines with common axes.
+
+    Attributes
+    ----------
+    name
+        Identifier within the run, without spaces.
+    title
+        Title, as plain text.
+    quantity
+        Quantity of the ordinate with its unit.
+    lines
+        Lines; times are in s from the first state.
+
+    """
+
+    name: str
+    title: str
+    quantity: str
+    lines: list[Line]
+
+
+def lines(names: Sequence[str], times: Array, values: Array) -> list[Line]:
+    """Return the columns of values (n, m) as lines of different styles."""
+    return [
+        Line(name, times, column, *_style(number))
+        for number, (name, column) in enumerate(zip(names, values.T, strict=True))
+    ]
+
+
+def _style(number: int) -> tuple[str, str]:
+    """
+    Return colour and dash of a line.
+
+    From the fifth line they are dashed, as more colours are hard to distinguish.
+    """
+    dash = 'solid' if number < _SOLID else _DASHES[number // len(COLOURS) % len(_DASHES)]
+    return COLOURS[number % len(COLOURS)], dash
+
+
+def error_panel(tracked: Tracking, point: Point, names: Sequence[str]) -> Panel:
+    """Return the errors of a point; `names` are those of its axes."""
+    return Panel(
+        f'error_{point.symbol}',
+        f'Tracking error of {point.title}',
+        f'error ({point.small_unit})',
+        lines(names, tracked.times, tracked.small_errors(point)),
+    )
+
+
+def path_panel(run: Run, tracked: Tracking) -> Panel:
+    """Return the paths of the robot's points, or of its base if these are not known."""
+    drawn = []
+    if tracked.actual is None or not run.mechanism.places:
+        pose, _ = run.mechanism.formulas.base_motion(run.position, run.velocity)
+        drawn.append(Line(run.mechanism.origin, pose[:, 0], pose[:, 1], 'green'))
+    for number, (point, colour) in enumerate(zip(run.mechanism.places, COLOURS, strict=False)):
+        for kind, values, tone, dash in (
+            ('actual', tracked.actual, colour, 'solid'),
+            ('desired', tracked.desired, INK, 'dot' if number else 'dash'),
+        ):
+            if values is not None:
+                x, y = values[:, point.axes].T
+                drawn.append(Line(f'{point.symbol} {kind}', x, y, tone, dash))
+    return Panel('path', 'Paths in the plane', '<i>y</i> (m)', drawn)
+
+
+def comparison_panels(compared: Sequence[Compared]) -> list[Panel]:
+    """
+    Return the distances of all points from their references, and the norms of the torques.
+
+    The torques are those of each group of joints. If no run has torques, the panels have the
+    commanded velocities. Each panel has a line for each run, which is empty without data.
+    """
+    panels = []
+    for number, (title, quantity, vectors) in enumerate(_subjects(compared)):
+        drawn = []
+        for place, entry in enumerate(compared):
+            times, values = vectors(entry) or (np.zeros(0), np.zeros((0, 1)))
+            norm = np.linalg.norm(values, axis=1)
+            drawn.append(Line(escape(entry.label), times, norm, *_style(place)))
+        panels.append(Panel(f'comparison_{number}', title, quantity, drawn))
+    return panels
+
+
+def _subjects(compared: Sequence[Compared]) -> Iterator[_Subject]:
+    """Yield the subjects of the comparison for the robots of all runs, each once."""
+    kinds = tuple(dict.fromkeys(entry.run.mechanism for entry in compared))
+    for point in dict.fromkeys(point for kind in kinds for point in kind.points):
+        quantity = f'<i>|e<sub>{point.symbol}</sub>|</i> ({point.small_unit})'
+        yield f'Tracking error, {point.name}', quantity, partial(Compared.errors, point=point)
+    if not all(entry.run.commands_rates for entry in compared):
+        for group in dict.fromkeys(group for kind in kinds for group in kind.groups):
+            owners = [kind for kind in kinds if group in kind.groups]
+            vectors = partial(_columns, owners, 'torque', group.joints)
+            yield f'Torques commanded, {group.name}', '<i>|τ|</i> (N·m)', vectors
+        return
+    for kind in kinds:
+        turns = [i for i, velocity in enumerate(kind.twist) if velocity.unit == 'rad/s']
+        chosen = turns or list(range(len(kind.twist)))
+        names = ' and '.join(kind.twist[i].name for i in chosen)
+        rates = '<i>|ω|</i> (rad/s)'
+        of_base = rates if turns else '<i>|v|</i> (m/s)'
+        own = partial(_columns, [kind], 'arm_rates', slice(None))
+        yield f'Velocity commanded, {names}', of_base, partial(_columns, [kind], 'cmd_vel', chosen)
+        yield f'Rates commanded, {kind.groups[-1].name}', rates, own
+
+
+def _columns(
+    robots: Sequence[Mechanism], name: str, columns: slice | list[int], compared: Compared
+) -> _Vectors | None:
+    """Return columns of a series of a run; None if the run is not of one of the robots."""
+    run = compared.run
+    series: Series = getattr(run, name)
+    is_known = run.mechanism in robots
+    return (series.times - run.times[0], series.values[:, columns]) if is_known else None
