@@ -168,3 +168,13 @@ def test_laws_command_lists_laws_with_sources(capsys: pytest.CaptureFixture[str]
     assert main(['laws', '--json']) == 0
     rows = json.loads(capsys.readouterr().out)
     assert all(row['summary'] and row['source'] for row in rows)
+
+
+def test_laws_command_measures_cost(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(registry, 'names', lambda: ('rasmc', 'pid'))
+    assert main(['laws', '--cost', '--json']) == 0
+    rows = json.loads(capsys.readouterr().out)
+    assert all(0.0 < row['cost_us'] < 1e5 for row in rows)
+    assert rows[0]['cost'] == 1.0
