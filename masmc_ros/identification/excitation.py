@@ -24,6 +24,7 @@ from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.numerics.scalars import minus
 from masmc_ros.numerics.tuples import elementwise, head
+from masmc_ros.numerics.vectors import check_workspace, mark, release
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.robot import Robot
 import numpy as np
@@ -266,9 +267,11 @@ def _positions(body: Records, start: Array, angles: Array) -> Array:
     model = mechanism.model_of(record)
     base = len(place) - len(template)
     out = np.empty((len(angles), len(place)))
-    at = to_vector(start, place)
-    before = to_vector(angles[0], template)
+    free = mark(record)
     for k in range(len(angles)):
+        release(record, free)
+        at = to_vector(start if k == 0 else out[k - 1], place)
+        before = to_vector(angles[max(k - 1, 0)], template)
         now = to_vector(angles[k], template)
         pose = mechanism.dead_reckoned(
             model, head(at, record.pose), elementwise(minus, now, before)
@@ -277,6 +280,5 @@ def _positions(body: Records, start: Array, angles: Array) -> Array:
             out[k, i] = pose[i]
         for i in range(len(template)):
             out[k, base + i] = angles[k, i]
-        at = to_vector(out[k], place)
-        before = now
+    check_workspace(record)
     return out

@@ -34,6 +34,7 @@ from masmc_ros.plant_model.fields import PlantMemory, PlantSettings, Signals
 from masmc_ros.plant_model.measurement import delay_measurement, measure, write_noise
 from masmc_ros.plant_model.motion import runge_kutta_stage
 from masmc_ros.plant_model.stiction import stuck
+from masmc_ros.numerics.vectors import mark, release as free
 from masmc_ros.robot import mechanism
 
 SETTINGS = (
@@ -376,7 +377,9 @@ def advance(
         state = lane_of(memory, lane)
         state.reached = state.position
         state.reached_rates = state.rates
+    place = mark(plant)
     for step in range(steps):
+        free(plant, place)
         if takes_rates:
             for lane in range(lanes):
                 robot, state = lane_of(plant, lane), lane_of(memory, lane)
