@@ -320,6 +320,8 @@ def _read_sized(
     if not is_vector(kind.record, name):
         return builder.load(first)
     count, workspace = _count(compiler, kind, value, name), kind.workspace(compiler, value)
+    if kind.lanes == 1 and kind.record.schema.is_constant:
+        return vectors.vector_over(compiler, first, count, workspace)
     vector = vectors.new_vector(compiler, kind.number(name), count, workspace)
     data = vectors.data_of(compiler, vector)
     vectors.copy_entries(compiler, first, data, count, kind.lanes)
@@ -336,8 +338,11 @@ def _write_sized(
     if not is_vector(kind.record, name):
         builder.store(values[1], first)
         return
-    data = vectors.data_of(compiler, values[1])
-    with vectors.short_loop(builder, _count(compiler, kind, values[0], name)) as i:
+    data, count = vectors.data_of(compiler, values[1]), _count(compiler, kind, values[0], name)
+    if kind.lanes == 1:
+        vectors.copy_entries(compiler, data, first, count)
+        return
+    with vectors.short_loop(builder, count) as i:
         place = builder.gep(first, [builder.mul(i, i.type(kind.lanes))])
         builder.store(builder.load(builder.gep(data, [i])), place)
 

@@ -31,6 +31,7 @@ from masmc_ros.numerics.generated import (
     Types,
 )
 from masmc_ros.numerics.sized_records import (
+    CONSTANT,
     copy_numbers,
     copy_of_record,
     LAYOUT,
@@ -58,6 +59,8 @@ def record_type(
     sizes: Mapping[str, int],
     lanes: int = 1,
     tags: Mapping[str, str] | None = None,
+    *,
+    is_constant: bool = False,
 ) -> np.dtype[np.void]:
     """
     Return the type of a record of fields, without duplicates.
@@ -72,6 +75,8 @@ def record_type(
         Number of parallel runs.
     tags
         Values by name by which the compiler selects formulas.
+    is_constant
+        True if kernels do not write the record; compiled code of all sizes then copies less.
 
     """
     known: dict[str, Field] = {}
@@ -84,8 +89,11 @@ def record_type(
     ]
     # Each tag is one byte at the end, so it does not move any number.
     members += [(f'{name}{_TAG}{value}', 'i1') for name, value in (tags or {}).items()]
-    dtype = np.dtype(members, align=True)
-    return with_layout(dtype) if AT_RUN_TIME in sizes else dtype
+    if AT_RUN_TIME not in sizes:
+        return np.dtype(members, align=True)
+    if is_constant:
+        members.append((CONSTANT, 'i1'))
+    return with_layout(np.dtype(members, align=True))
 
 
 def new_record(
@@ -93,9 +101,12 @@ def new_record(
     sizes: Mapping[str, int],
     lanes: int = 1,
     tags: Mapping[str, str] | None = None,
+    *,
+    is_constant: bool = False,
 ) -> Records:
-    """Return an array of one record with the initial values of its fields."""
-    record = np.zeros(1, record_type(fields, sizes, lanes, tags))
+    """Return an array of one record with the initial values of its fields; see `record_type`."""
+    dtype = record_type(fields, sizes, lanes, tags, is_constant=is_constant)
+    record = np.zeros(1, dtype)
     if AT_RUN_TIME in sizes:
         write_layout(record)
     for field in fields:

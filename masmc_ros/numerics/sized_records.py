@@ -37,6 +37,9 @@ TAG = ':'
 LAYOUT = f'{TAG}layout'
 """Name of the field with sizes and places."""
 
+CONSTANT = f'{TAG}constant'
+"""Tag of records that kernels do not write; a vector of one lane then shares their memory."""
+
 _SIZE, _CHECKSUM, _FIRST = range(3)
 """Entries of a layout: size in bytes, checksum, and the first pair of place and number."""
 
@@ -59,6 +62,11 @@ class Schema:
     def checksum(self) -> int:
         """Return a number that differs between schemas."""
         return zlib.crc32(repr((self.fields, self.tags, self.lanes)).encode()) & 0x7FFFFFFF
+
+    @property
+    def is_constant(self) -> bool:
+        """Return True if kernels do not write the record."""
+        return CONSTANT in self.tags
 
     @cached_property
     def places(self) -> Mapping[str, int]:

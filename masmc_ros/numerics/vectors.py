@@ -301,6 +301,11 @@ def copy_entries(
 ) -> None:
     """Copy numbers between pointers; those of the source are `steps` numbers apart."""
     build = compiler.builder
+    if steps == 1:
+        size = build.shl(count, count.type(3))
+        target, source = (build.bitcast(place, _POINTER) for place in (target, source))
+        cgutils.raw_memcpy(build, target, source, size, 1)
+        return
     with short_loop(build, count) as i:
         place = build.gep(source, [build.mul(i, i.type(steps))])
         build.store(build.load(place), build.gep(target, [i]))
