@@ -24,7 +24,7 @@ from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.numerics.scalars import minus
 from masmc_ros.numerics.tuples import elementwise, head
-from masmc_ros.numerics.vectors import check_workspace, mark, release
+from masmc_ros.numerics.vectors import check_workspace, mark
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.robot import Robot
 import numpy as np
@@ -267,9 +267,9 @@ def _positions(body: Records, start: Array, angles: Array) -> Array:
     model = mechanism.model_of(record)
     base = len(place) - len(template)
     out = np.empty((len(angles), len(place)))
-    free = mark(record)
+    unused = mark(record)
     for k in range(len(angles)):
-        release(record, free)
+        free(record, unused)
         at = to_vector(start if k == 0 else out[k - 1], place)
         before = to_vector(angles[max(k - 1, 0)], template)
         now = to_vector(angles[k], template)

@@ -16,7 +16,7 @@ from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.numerics.record import fill, new_record
 from masmc_ros.numerics.scalars import zero
 from masmc_ros.numerics.tuples import elementwise, unit
-from masmc_ros.numerics.vectors import check_workspace, mark, release
+from masmc_ros.numerics.vectors import check_workspace, free, mark
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.robot import Robot
 from masmc_ros.robot.tree.friction import sliding
@@ -125,7 +125,7 @@ def _write_states(
     parameters, joints = len(theta), len(template)
     of_samples = mark(record)
     for k in range(len(position)):
-        release(record, of_samples)
+        free(record, of_samples)
         posture = mechanism.posture(model, to_vector(position[k], place))
         v = mechanism.motion(model, to_vector(rates[k], template))
         a = mechanism.motion(model, to_vector(acceleration[k], template))
@@ -133,7 +133,7 @@ def _write_states(
         rotors = mechanism.joint_torques(model, mechanism.regressor_times(model, y, theta))
         of_joints = mark(record)
         for j in range(joints):
-            release(record, of_joints)
+            free(record, of_joints)
             along = mechanism.motion(model, unit(template, j))
             row = mechanism.regressor_transpose_times(model, y, along, theta)
             for i in range(parameters):
@@ -172,7 +172,7 @@ def _add_samples(
     for k in range(len(position)):
         if window[k, 0] < 0:
             continue
-        release(record, of_samples)
+        free(record, of_samples)
         posture = mechanism.posture(model, to_vector(position[k], place))
         v = mechanism.motion(model, to_vector(rates[k], template))
         at_rest = mechanism.regressor(model, posture, still, still, still)
@@ -181,7 +181,7 @@ def _add_samples(
         rotors = mechanism.joint_torques(model, mechanism.regressor_times(model, moving, theta))
         of_joints = mark(record)
         for j in range(joints):
-            release(record, of_joints)
+            free(record, of_joints)
             along = mechanism.motion(model, unit(template, j))
             gravity = mechanism.regressor_transpose_times(model, at_rest, along, theta)
             impulse = mechanism.regressor_transpose_times(model, moving, along, theta)

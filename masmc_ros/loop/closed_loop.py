@@ -37,6 +37,7 @@ from masmc_ros.numerics.compiled import formula, kernel, kernel_of_threads
 from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.numerics.record import copied, copy_to, lane_count
 from masmc_ros.numerics.tuples import dot, elementwise, joined, tail, thirds
+from masmc_ros.numerics.vectors import check_workspace, free, mark
 from masmc_ros.plant_model.tick import (
     advance,
     drive_step,
@@ -44,7 +45,6 @@ from masmc_ros.plant_model.tick import (
     release,
     write_velocity,
 )
-from masmc_ros.numerics.vectors import check_workspace, mark, release as free
 from masmc_ros.robot import mechanism
 import numpy as np
 

@@ -20,7 +20,7 @@ from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.numerics.record import copy_lane, copy_to, lane_count
 from masmc_ros.numerics.scalars import minus
 from masmc_ros.numerics.tuples import elementwise, tail, thirds
-from masmc_ros.numerics.vectors import mark, release
+from masmc_ros.numerics.vectors import free, mark
 from masmc_ros.plant_model.fields import Signals
 from masmc_ros.robot import drift, mechanism
 
@@ -173,7 +173,7 @@ def _control(settings: Settings, memory: Memory, signals: Signals) -> None:
     signals.error = error
     signals.surface = tick.surface
     signals.singular = tick.is_singular
-    release(settings, place)
+    free(settings, place)
 
 
 @formula

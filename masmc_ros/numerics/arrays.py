@@ -24,7 +24,7 @@ from masmc_ros.numerics.generated import (
 )
 from masmc_ros.numerics.scratch import array_over, CACHE_LINE
 from masmc_ros.numerics.tuples import FLOAT, is_array, MATRIX, VECTOR
-from masmc_ros.numerics.vectors import NUMBERS, short_loop, VectorType
+from masmc_ros.numerics.vectors import short_loop, VectorType
 from numba import types
 from numba.core import cgutils
 from numba.core.imputils import impl_ret_borrowed
@@ -206,6 +206,10 @@ def _to_vector(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
         workspace = vectors.workspace_of(compiler, values[1])
         out = vectors.new_vector(compiler, compiler.result.entry, count, workspace)
         source = (kinds[0], types.intp), (values[0], count.type(0)), 0
+        if kinds[0].layout == 'C':
+            place = _place_at(compiler, *source, count.type(0))
+            vectors.copy_entries(compiler, place, vectors.data_of(compiler, out), count)
+            return out
         with short_loop(compiler.builder, count) as i:
             entry = compiler.builder.load(_place_at(compiler, *source, i))
             vectors.store_entry(compiler, compiler.result, out, i, entry)

@@ -103,25 +103,26 @@ def _unknown(name: str, fields: Iterable[str]) -> str:
 class LaneType(types.Type):
     """Type of one lane of a record in compiled code."""
 
-    def __init__(self, record: types.Record) -> None:
+    def __init__(self, record: Type) -> None:
         """Initialise the type for a type of records."""
         self.record = record
         super().__init__(f'Lane({record.name})')
 
     @property
-    def key(self) -> types.Record:
+    def key(self) -> Type:
         """Return the identity of the type."""
         return self.record
 
     @property
-    def mangling_args(self) -> tuple[str, tuple[types.Record]]:
+    def mangling_args(self) -> tuple[str, tuple[Type]]:
         """Return the short name of the type in symbols."""
         return 'Lane', (self.record,)
 
     @property
     def fields(self) -> Iterable[str]:
         """Return the names of the fields."""
-        return self.record.fields
+        names: Iterable[str] = self.record.fields
+        return names
 
     @property
     def lanes(self) -> int:
@@ -154,17 +155,16 @@ class LaneType(types.Type):
 class SizedLaneType(LaneType):
     """Type of one lane of a record whose sizes are known at run time."""
 
-    record: SizedRecordType
-
     @property
     def fields(self) -> Iterable[str]:
         """Return the names of the fields."""
-        return self.record.schema.places
+        names: Iterable[str] = self.record.schema.places
+        return names
 
     @property
     def lanes(self) -> int:
         """Return the number of lanes of the record."""
-        return self.record.schema.lanes
+        return int(self.record.schema.lanes)
 
     def number(self, name: str) -> Type:
         """Return the type of a component of a field."""
@@ -182,7 +182,8 @@ class SizedLaneType(LaneType):
     def workspace(self, compiler: Compiler, value: IrValue) -> IrValue:
         """Return the workspace for vectors of the record."""
         record = compiler.builder.extract_value(value, 0)
-        return self.record.workspace(compiler, record)
+        workspace: IrValue = self.record.workspace(compiler, record)
+        return workspace
 
 
 @register_model(LaneType)

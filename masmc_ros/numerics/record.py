@@ -37,9 +37,11 @@ from masmc_ros.numerics.sized_records import (
     LAYOUT,
     numbers_of_record,
     SizedRecordType,
-    TAG as _TAG,
     with_layout,
     write_layout,
+)
+from masmc_ros.numerics.sized_records import (
+    TAG as _TAG,
 )
 from numba import types
 from numba.core import cgutils

@@ -22,7 +22,7 @@ import zlib
 from masmc_ros.numerics.aliases import Records
 from masmc_ros.numerics.generated import Builder, Compiler, IrValue, IrValues, Type, Types
 from masmc_ros.numerics.vectors import workspace_of_function
-from numba import types, typeof
+from numba import typeof, types
 from numba.core import cgutils
 from numba.core.datamodel.manager import DataModelManager
 from numba.core.typing.templates import AbstractTemplate, infer_global, Signature, signature

@@ -168,7 +168,7 @@ def _elementwise_of_sized(
     )
     count, workspace = vectors.count_of(compiler, first), vectors.workspace_of(compiler, first)
     out = vectors.new_vector(compiler, compiler.result.entry, count, workspace)
-    with short_loop(compiler.builder, count) as i:
+    with short_loop(compiler.builder, count, is_vectorised=True) as i:
         entries = [
             vectors.load_entry(compiler, kind, value, i) if isinstance(kind, VectorType) else value
             for kind, value in zip(kinds, values, strict=True)
@@ -349,7 +349,8 @@ def _unit(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
         workspace = vectors.workspace_of(compiler, values[0])
         out = vectors.new_vector(compiler, FLOAT, count, workspace)
         with short_loop(compiler.builder, count) as k:
-            entry = compiler.builder.select(compiler.builder.icmp_signed('==', place, k), one, zero)
+            is_place = compiler.builder.icmp_signed('==', place, k)
+            entry = compiler.builder.select(is_place, one, zero)
             vectors.store_entry(compiler, NUMBERS, out, k, entry)
         return out
     here = [compiler.context.get_constant(types.intp, j) for j in range(len(kinds[0]))]

@@ -8,9 +8,10 @@ Records of robots described by a URDF have such vectors (`sized_records.py`): on
 serves robots of all sizes. Operations in `tuples.py` and `arrays.py` accept them in place of
 tuples. Their entries are numbers, or tuples of numbers.
 
-Entries are in the workspace, a stack of memory that belongs to the kernel called from Python. A
-new vector takes the next free memory. `mark` and `release` free the memory of all vectors created
-in between. Vectors do not change after their creation, so parts of a vector share its memory.
+Entries are in the workspace, memory on the stack of the kernel that Python calls; threads that
+run kernels at once have separate ones. A new vector takes the next free memory. `mark` and `free`
+release the memory of all vectors created in between. Vectors do not change after their creation,
+so parts of a vector share its memory.
 """
 
 from __future__ import annotations
@@ -20,7 +21,6 @@ from contextlib import contextmanager
 import operator
 
 from masmc_ros.errors import InputError
-from masmc_ros.numerics.aliases import Record
 from masmc_ros.numerics.generated import (
     Builder,
     Compiler,
@@ -169,47 +169,48 @@ def _taken(compiler: Compiler, workspace: IrValue, size: IrValue) -> IrValue:
     return top
 
 
-def mark(record: Record) -> int:
-    """Return the place of the next vector in the workspace of a record."""
+def mark(source: object) -> int:
+    """Return the place of the next vector in the workspace of a record, lane or vector."""
     return 0
 
 
-@generated(mark, lambda context, record: types.intp)
+@generated(mark, lambda context, source: types.intp)
 def _mark(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
-    workspace = _workspace_of_record(compiler, kinds[0], values[0])
+    workspace = _workspace_of_source(compiler, kinds[0], values[0])
     if workspace is None:
         return _WORD(0)
     return compiler.builder.load(_word(compiler.builder, workspace, _TOP))
 
 
-def release(record: Record, place: int) -> None:
-    """Free the memory of the vectors that were created since `mark` returned a place."""
+def free(source: object, place: int) -> None:
+    """Release the memory of the vectors that were created since `mark` returned a place."""
 
 
-@generated(release, lambda context, record, place: types.none)
-def _release(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
-    workspace = _workspace_of_record(compiler, kinds[0], values[0])
+@generated(free, lambda context, source, place: types.none)
+def _free(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
+    workspace = _workspace_of_source(compiler, kinds[0], values[0])
     if workspace is not None:
         compiler.builder.store(values[1], _word(compiler.builder, workspace, _TOP))
     return compiler.context.get_dummy_value()
 
 
-def check_workspace(record: Record) -> None:
-    """Raise InputError if the workspace of a record was full; the results are then wrong."""
+def check_workspace(source: object) -> None:
+    """Raise InputError if the workspace of a record or lane was full: the results are wrong."""
 
 
-@generated(check_workspace, lambda context, record: types.none)
+@generated(check_workspace, lambda context, source: types.none)
 def _check_workspace(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     build = compiler.builder
-    workspace = _workspace_of_record(compiler, kinds[0], values[0])
+    workspace = _workspace_of_source(compiler, kinds[0], values[0])
     if workspace is not None:
         is_full = build.load(_word(build, workspace, _IS_FULL))
         with build.if_then(build.icmp_unsigned('!=', is_full, _WORD(0)), likely=False):
-            compiler.context.call_conv.return_user_exc(build, InputError, (OVERFLOW,))
+            conventions: Type = compiler.context
+            conventions.call_conv.return_user_exc(build, InputError, (OVERFLOW,))
     return compiler.context.get_dummy_value()
 
 
-def _workspace_of_record(compiler: Compiler, kind: Type, value: IrValue) -> IrValue | None:
+def _workspace_of_source(compiler: Compiler, kind: Type, value: IrValue) -> IrValue | None:
     """Return the workspace of a vector, of a record or of its lane; None without one."""
     if is_sized(kind):
         return compiler.builder.extract_value(value, 2)
@@ -312,11 +313,15 @@ def copy_entries(
 
 
 @contextmanager
-def short_loop(build: Builder, count: IrValue) -> Iterator[IrValue]:
+def short_loop(
+    build: Builder, count: IrValue, *, is_vectorised: bool = False
+) -> Iterator[IrValue]:
     """
-    Emit a loop over indices 0 ... count - 1 that the compiler neither vectorises nor unrolls.
+    Emit a loop over indices 0 ... count - 1, which yields the index.
 
-    Robots have few joints: such code takes long to compile and is not faster.
+    The compiler neither unrolls nor, by default, vectorises it. Robots have few joints: such code
+    takes long to compile and is not faster. Functions of entries are faster in vectors, because
+    some vectors have an entry per parameter.
     """
     entry = build.block
     test, body, after = (
@@ -332,20 +337,18 @@ def short_loop(build: Builder, count: IrValue) -> Iterator[IrValue]:
     following = build.add(index, count.type(1), flags=('nsw',))
     index.add_incoming(following, build.block)
     back = build.branch(test)
-    back.set_metadata('llvm.loop', _loop_options(build.module))
+    back.set_metadata('llvm.loop', _loop_options(build.module, is_vectorised=is_vectorised))
     build.position_at_end(after)
 
 
-def _loop_options(module: IrValue) -> IrValue:
+def _loop_options(module: IrValue, *, is_vectorised: bool) -> IrValue:
     """Return the options of a loop, which must be distinct from those of all other loops."""
     number = len(module.metadata)
     name = module.add_metadata([ir.MetaDataString(module, f'short loop {number}')])
-    options = [
-        module.add_metadata([
-            ir.MetaDataString(module, 'llvm.loop.vectorize.enable'), ir.IntType(1)(0)
-        ]),
-        module.add_metadata([ir.MetaDataString(module, 'llvm.loop.unroll.disable')]),
-    ]
+    options = [module.add_metadata([ir.MetaDataString(module, 'llvm.loop.unroll.disable')])]
+    if not is_vectorised:
+        option = ir.MetaDataString(module, 'llvm.loop.vectorize.enable')
+        options.append(module.add_metadata([option, ir.IntType(1)(0)]))
     name.operands = (name, *options)
     return name
 

@@ -19,7 +19,7 @@ from masmc_ros.numerics.portable_random import gaussian
 from masmc_ros.numerics.record import lane_count
 from masmc_ros.numerics.scalars import minus, zero
 from masmc_ros.numerics.tuples import elementwise, head, joined, tail
-from masmc_ros.numerics.vectors import mark, release
+from masmc_ros.numerics.vectors import free, mark
 from masmc_ros.plant_model.delays import newest, OF_MEASUREMENT
 from masmc_ros.plant_model.fields import PlantMemory, PlantSettings, Signals
 from masmc_ros.robot import mechanism
@@ -97,7 +97,7 @@ def measure(plant: PlantSettings, memory: PlantMemory, tick: int, signals: Signa
     velocity = elementwise(_chosen, is_blind, elementwise(zero, velocity), velocity)
     signals.position = elementwise(_chosen, is_exact, signals.position, seen)
     signals.velocity = elementwise(_chosen, is_exact, signals.velocity, velocity)
-    release(plant, place)
+    free(plant, place)
 
 
 @formula

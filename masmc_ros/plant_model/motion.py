@@ -9,7 +9,7 @@ from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.scalars import plus
 from masmc_ros.numerics.tuples import elementwise
-from masmc_ros.numerics.vectors import mark, release
+from masmc_ros.numerics.vectors import free, mark
 from masmc_ros.plant_model.fields import PlantMemory, PlantSettings
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.formula_types import Lengths
@@ -101,4 +101,4 @@ def runge_kutta_stage(plant: PlantSettings, memory: PlantMemory, stage: int, h: 
     along = elementwise(_chosen, acceleration, accelerations, is_last)
     reached_rates = elementwise(_moved, memory.rates, part, along)
     memory.reached_rates = reached_rates
-    release(plant, place)
+    free(plant, place)

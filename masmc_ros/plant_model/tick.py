@@ -20,6 +20,7 @@ from masmc_ros.numerics.record import lane_count
 from masmc_ros.numerics.scalars import minus, plus, selected, zero
 from masmc_ros.numerics.scratch import scratch
 from masmc_ros.numerics.tuples import column, elementwise
+from masmc_ros.numerics.vectors import free, mark
 from masmc_ros.plant_model.delays import receive
 from masmc_ros.plant_model.disturbance import (
     moment,
@@ -34,7 +35,6 @@ from masmc_ros.plant_model.fields import PlantMemory, PlantSettings, Signals
 from masmc_ros.plant_model.measurement import delay_measurement, measure, write_noise
 from masmc_ros.plant_model.motion import runge_kutta_stage
 from masmc_ros.plant_model.stiction import stuck
-from masmc_ros.numerics.vectors import mark, release as free
 from masmc_ros.robot import mechanism
 
 SETTINGS = (

@@ -14,7 +14,7 @@ from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.numerics.record import fill, new_record
-from masmc_ros.numerics.vectors import check_workspace, mark, release
+from masmc_ros.numerics.vectors import check_workspace, free, mark
 from masmc_ros.params.declaration import Values
 from masmc_ros.robot import mechanism as formulas
 from masmc_ros.robot.declaration import Mechanism, ODOM_FRAME
@@ -110,7 +110,7 @@ def _task_positions(body: Records, position: Array) -> Array:
     out = np.empty((len(position), len(robot.error)))
     place = mark(robot)
     for k in range(len(position)):
-        release(robot, place)
+        free(robot, place)
         at = to_vector(position[k], template)
         x = formulas.task_position(model, formulas.posture(model, at), at)
         for i in range(len(x)):

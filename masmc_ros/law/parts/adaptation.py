@@ -26,7 +26,7 @@ from masmc_ros.numerics.aliases import Array, Joints, Numbers, Parameters
 from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.tuples import dot, elementwise
-from masmc_ros.numerics.vectors import mark, release
+from masmc_ros.numerics.vectors import free, mark
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.formula_types import Lengths
@@ -359,7 +359,7 @@ def projected(
     clip_to_box(n, nominal, lower, upper, estimate)
     part, place = MARGIN * lower, mark(theta)
     for _ in range(_CUTS):
-        release(theta, place)
+        free(theta, place)
         above = elementwise(_less, to_vector(estimate, nominal), nominal, part)
         pivot, x = mechanism.weakest_motion(model, above)
         if pivot > 0.0:
@@ -371,7 +371,7 @@ def projected(
             bound += lower * normal[j] * nominal[j]
         move_into_half_space(n, normal, bound, gamma, nominal, lower, upper, estimate)
     for _ in range(_HALVINGS):
-        release(theta, place)
+        free(theta, place)
         above = elementwise(_less, to_vector(estimate, nominal), nominal, part)
         pivot, x = mechanism.weakest_motion(model, above)
         if pivot > 0.0:
