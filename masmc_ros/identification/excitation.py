@@ -24,7 +24,7 @@ from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.numerics.scalars import minus
 from masmc_ros.numerics.tuples import elementwise, head
-from masmc_ros.numerics.vectors import check_workspace, mark
+from masmc_ros.numerics.vectors import check_workspace, free, mark
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.robot import Robot
 import numpy as np
@@ -149,8 +149,8 @@ def limits_of(
         raise InputError(f'{joint}: starts outside of its limits; expected a start within them')
     room = 0.9 * np.minimum(high - start, start - low)
     # Those of the base have no limits.
-    free = np.where(np.arange(len(start)) < len(robot.mechanism.twist), _FREE, amplitude)
-    deviation = np.minimum(room, free)
+    wide = np.where(np.arange(len(start)) < len(robot.mechanism.twist), _FREE, amplitude)
+    deviation = np.minimum(room, wide)
     speed = np.array(robot.mechanism.speed_limits)
     speed = np.where(np.isfinite(speed) & (speed > 0.0), _SHARE * speed, _UNLIMITED)
     return Limits(
