@@ -33,6 +33,7 @@ from masmc_ros.numerics.generated import (
 from numba import types
 from numba.core import cgutils
 from numba.core.datamodel.manager import DataModelManager
+from numba.core.imputils import iternext_impl, RefType
 from numba.core.typing.templates import AbstractTemplate, infer_global, Signature, signature
 from numba.extending import lower_builtin, models, register_model
 
@@ -56,7 +57,7 @@ _WORD = ir.IntType(64)
 _POINTER = ir.IntType(8).as_pointer()
 
 
-class VectorType(types.Type):
+class VectorType(types.IterableType):
     """Type of a vector with a length known at run time."""
 
     def __init__(self, entry: types.Type) -> None:
@@ -73,6 +74,20 @@ class VectorType(types.Type):
     def mangling_args(self) -> tuple[str, tuple[types.Type]]:
         """Return the short name of the type in symbols."""
         return 'Vector', (self.entry,)
+
+    @property
+    def iterator_type(self) -> VectorIteratorType:
+        """Return the type of the iterator over the entries."""
+        return VectorIteratorType(self)
+
+
+class VectorIteratorType(types.SimpleIteratorType):
+    """Type of the iterator over the entries of a vector."""
+
+    def __init__(self, vector: VectorType) -> None:
+        """Initialise the type for a type of vectors."""
+        self.vector = vector
+        super().__init__(f'Iterator({vector})', vector.entry)
 
 
 class MatrixType(types.Type):
@@ -107,6 +122,13 @@ class _MatrixModel(models.StructModel):
             ('workspace', types.voidptr),
             ('columns', types.intp),
         ]
+        super().__init__(manager, kind, members)
+
+
+@register_model(VectorIteratorType)
+class _IteratorModel(models.StructModel):
+    def __init__(self, manager: DataModelManager, kind: VectorIteratorType) -> None:
+        members = [('index', types.EphemeralPointer(types.intp)), ('vector', kind.vector)]
         super().__init__(manager, kind, members)
 
 
@@ -409,6 +431,28 @@ def _entry_of(context: Type, builder: Builder, sig: Signature, args: IrValues) -
 @lower_builtin(operator.getitem, MatrixType, types.intp)
 def _row_of(context: Type, builder: Builder, sig: Signature, args: IrValues) -> IrValue:
     return row_of(Compiler(context, builder, sig.return_type), args[0], args[1])
+
+
+@lower_builtin('getiter', VectorType)
+def _iterator(context: Type, builder: Builder, sig: Signature, args: IrValues) -> IrValue:
+    index = cgutils.alloca_once_value(builder, _WORD(0))
+    return cgutils.pack_struct(builder, [index, args[0]])
+
+
+@lower_builtin('iternext', VectorIteratorType)
+@iternext_impl(RefType.UNTRACKED)
+def _next(
+    context: Type, builder: Builder, sig: Signature, args: IrValues, result: Type
+) -> None:
+    kind = sig.args[0].vector
+    place, vector = (builder.extract_value(args[0], k) for k in range(2))
+    compiler = Compiler(context, builder, kind.entry)
+    index = builder.load(place)
+    is_valid = builder.icmp_signed('<', index, count_of(compiler, vector))
+    result.set_valid(is_valid)
+    with builder.if_then(is_valid):
+        result.yield_(load_entry(compiler, kind, vector, index))
+        builder.store(builder.add(index, _WORD(1)), place)
 
 
 def _are_equal(compiler: Compiler, kind: VectorType, a: IrValue, b: IrValue) -> IrValue:

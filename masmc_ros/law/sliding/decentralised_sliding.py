@@ -90,8 +90,8 @@ def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
     derivative = mechanism.joint_rates(tick.model, a)
     theta, group = memory.estimate, settings.group
     last = group[0]
-    for i in range(len(group)):
-        last = group[i] if group[i] > last else last
+    for number in group:
+        last = number if number > last else last
     torques = elementwise(zero, rates)
     for chosen in range(last + 1):
         alone = _of_group(tick, theta, group, chosen, rates, derivative)
