@@ -40,7 +40,7 @@ from numba.extending import lower_builtin, models, register_model
 ir = cgutils.ir
 
 WORKSPACE = 1 << 20
-"""Size of the workspace in bytes; a tick of a robot with ten joints takes about 100 000."""
+"""Size of the workspace in bytes."""
 
 OVERFLOW = (
     f'workspace of {WORKSPACE} bytes is full: too many joints, axes, parameters or lanes; expected'

@@ -53,7 +53,7 @@ class TreeModel(NamedTuple):
     numbers: Array
     """Result of `packed`."""
     axes: tuple[float, ...] = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0)
-    """Places of the task's axes among the coordinates of `task.py`."""
+    """Places of the task's axes among the coordinates of `task.py`, for their number."""
 
 
 DAMPED_TIME = 0.5
