@@ -20,6 +20,7 @@ from masmc_ros.numerics.aliases import Array, Records
 from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.lanes import lane_of
+from masmc_ros.numerics.vectors import check_workspace
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.robot import Robot
 import numpy as np
@@ -171,6 +172,7 @@ def _order(body: Records) -> int:
     record = lane_of(body[0], 0)
     model = mechanism.model_of(record)
     _, x = mechanism.weakest_motion(model, record.theta)
+    check_workspace(record)
     return len(x)
 
 
@@ -184,6 +186,7 @@ def _quadratic(body: Records, x: Array) -> Array:
     out = np.empty(len(normal))
     for i in range(len(normal)):
         out[i] = normal[i]
+    check_workspace(record)
     return out
 
 

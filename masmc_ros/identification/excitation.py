@@ -24,6 +24,7 @@ from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.numerics.scalars import minus
 from masmc_ros.numerics.tuples import elementwise, head
+from masmc_ros.numerics.vectors import check_workspace, free, mark
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.robot import Robot
 import numpy as np
@@ -148,8 +149,8 @@ def limits_of(
         raise InputError(f'{joint}: starts outside of its limits; expected a start within them')
     room = 0.9 * np.minimum(high - start, start - low)
     # Those of the base have no limits.
-    free = np.where(np.arange(len(start)) < len(robot.mechanism.twist), _FREE, amplitude)
-    deviation = np.minimum(room, free)
+    wide = np.where(np.arange(len(start)) < len(robot.mechanism.twist), _FREE, amplitude)
+    deviation = np.minimum(room, wide)
     speed = np.array(robot.mechanism.speed_limits)
     speed = np.where(np.isfinite(speed) & (speed > 0.0), _SHARE * speed, _UNLIMITED)
     return Limits(
@@ -266,9 +267,11 @@ def _positions(body: Records, start: Array, angles: Array) -> Array:
     model = mechanism.model_of(record)
     base = len(place) - len(template)
     out = np.empty((len(angles), len(place)))
-    at = to_vector(start, place)
-    before = to_vector(angles[0], template)
+    unused = mark(record)
     for k in range(len(angles)):
+        free(record, unused)
+        at = to_vector(start if k == 0 else out[k - 1], place)
+        before = to_vector(angles[max(k - 1, 0)], template)
         now = to_vector(angles[k], template)
         pose = mechanism.dead_reckoned(
             model, head(at, record.pose), elementwise(minus, now, before)
@@ -277,6 +280,5 @@ def _positions(body: Records, start: Array, angles: Array) -> Array:
             out[k, i] = pose[i]
         for i in range(len(template)):
             out[k, base + i] = angles[k, i]
-        at = to_vector(out[k], place)
-        before = now
+    check_workspace(record)
     return out

@@ -16,6 +16,7 @@ from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.numerics.record import fill, new_record
 from masmc_ros.numerics.scalars import zero
 from masmc_ros.numerics.tuples import elementwise, unit
+from masmc_ros.numerics.vectors import check_workspace, free, mark
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.robot import Robot
 from masmc_ros.robot.tree.friction import sliding
@@ -122,13 +123,17 @@ def _write_states(
     place, template = record.position, record.rates
     model = mechanism.model_of(record)
     parameters, joints = len(theta), len(template)
+    of_samples = mark(record)
     for k in range(len(position)):
+        free(record, of_samples)
         posture = mechanism.posture(model, to_vector(position[k], place))
         v = mechanism.motion(model, to_vector(rates[k], template))
         a = mechanism.motion(model, to_vector(acceleration[k], template))
         y = mechanism.regressor(model, posture, v, v, a)
         rotors = mechanism.joint_torques(model, mechanism.regressor_times(model, y, theta))
+        of_joints = mark(record)
         for j in range(joints):
+            free(record, of_joints)
             along = mechanism.motion(model, unit(template, j))
             row = mechanism.regressor_transpose_times(model, y, along, theta)
             for i in range(parameters):
@@ -136,6 +141,7 @@ def _write_states(
             matrix[k, j, parameters + j] = rates[k, j]
             matrix[k, j, parameters + joints + j] = sliding(rates[k, j])
             known[k, j] = rotors[j]
+    check_workspace(record)
 
 
 @kernel
@@ -162,16 +168,20 @@ def _add_samples(
     model = mechanism.model_of(record)
     parameters, joints = len(theta), len(template)
     momentum, force = np.empty(parameters), np.empty(parameters)
+    of_samples = mark(record)
     for k in range(len(position)):
         if window[k, 0] < 0:
             continue
+        free(record, of_samples)
         posture = mechanism.posture(model, to_vector(position[k], place))
         v = mechanism.motion(model, to_vector(rates[k], template))
         at_rest = mechanism.regressor(model, posture, still, still, still)
         moving = mechanism.regressor(model, posture, still, still, v)
         lifting = mechanism.regressor_transpose_times(model, at_rest, v, theta)
         rotors = mechanism.joint_torques(model, mechanism.regressor_times(model, moving, theta))
+        of_joints = mark(record)
         for j in range(joints):
+            free(record, of_joints)
             along = mechanism.motion(model, unit(template, j))
             gravity = mechanism.regressor_transpose_times(model, at_rest, along, theta)
             impulse = mechanism.regressor_transpose_times(model, moving, along, theta)
@@ -191,3 +201,4 @@ def _add_samples(
                 matrix[w, j, parameters + j] += average * rate
                 matrix[w, j, parameters + joints + j] += average * sliding(rate)
                 known[w, j] += derivative * rotors[j]
+    check_workspace(record)

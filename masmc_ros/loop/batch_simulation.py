@@ -38,7 +38,7 @@ from masmc_ros.loop.simulated_robot import (
 )
 from masmc_ros.loop.timing import Timing
 from masmc_ros.numerics.aliases import Array, Records
-from masmc_ros.numerics.record import fill, lanes_of, take_over
+from masmc_ros.numerics.record import fill, lanes_of, take_over, uninitialised
 from masmc_ros.params.declaration import MutableValues, Parameter, Values
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.robot.declaration import Mechanism
@@ -151,7 +151,7 @@ class BatchSimulation:
         plant_start(self._plant, self._state, self._delayed, self._now)
         for first in range(0, ticks, block):
             count = min(block, ticks - first)
-            signals = np.zeros(count, self._now.dtype)
+            signals = uninitialised(count, self._now)
             closed_loop(*self._ticks(first, count), signals)
             yield signals
 

@@ -37,6 +37,7 @@ from masmc_ros.numerics.compiled import formula, kernel, kernel_of_threads
 from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.numerics.record import copied, copy_to, lane_count
 from masmc_ros.numerics.tuples import dot, elementwise, joined, tail, thirds
+from masmc_ros.numerics.vectors import check_workspace, free, mark
 from masmc_ros.plant_model.tick import (
     advance,
     drive_step,
@@ -89,6 +90,7 @@ def control_tick(
     row.velocity = to_vector(velocity, row.velocity)
     row.reference = to_vector(reference, row.reference)
     control(settings[0], memory[0], signals[0])
+    check_workspace(signals[0])
     status = SINGULAR if row.singular != 0 else 0
     residual = _finite_residual(row.torque) + _finite_residual(row.rates)
     return status if residual == 0.0 else status | NOT_FINITE
@@ -102,9 +104,12 @@ def control_ticks(settings: Records, memory: Records, signals: Records, position
     Velocity and reference keep the values in `signals`.
     """
     row = lane_of(signals[0], 0)
+    place = mark(row)
     for k in range(len(positions)):
+        free(row, place)
         row.position = to_vector(positions[k], row.position)
         control(settings[0], memory[0], signals[0])
+    check_workspace(row)
 
 
 @kernel
@@ -115,6 +120,7 @@ def estimate_velocity(settings: Records, memory: Records, signals: Records) -> N
     model = mechanism.model_of(gains)
     posture = mechanism.posture(model, row.position)
     row.velocity = mechanism.position_rates(model, posture, state.rates)
+    check_workspace(row)
 
 
 @kernel
@@ -136,6 +142,7 @@ def predict_state(
     row.position, row.velocity = state.position, state.position_rates
     row.reference = joined(joined(state.desired[0], state.desired[1]), state.desired[2])
     row.error = delay_compensation.error(gains, memory_lane, x, v, measured.error)
+    check_workspace(row)
 
 
 @kernel
@@ -148,6 +155,7 @@ def reduce_torque(
     row.raw_torque = delay_compensation.reduced_torque(
         gains, lane_of(memory[0], 0), posture, row.raw_torque
     )
+    check_workspace(row)
 
 
 @kernel
@@ -156,6 +164,7 @@ def limit_torque(settings: Records, memory: Records, signals: Records) -> None:
     gains, state, row = lane_of(settings[0], 0), lane_of(memory[0], 0), lane_of(signals[0], 0)
     state.commanded = within_limits(gains, row.raw_torque, state.commanded)
     row.torque = state.commanded
+    check_workspace(row)
 
 
 @kernel
@@ -163,6 +172,7 @@ def post_update(settings: Records, memory: Records) -> None:
     """Project the adapted parameters after a change of parameters, in all lanes."""
     for lane in range(lane_count(settings[0])):
         law.post_update(lane_of(settings[0], lane), lane_of(memory[0], lane))
+    check_workspace(settings[0])
 
 
 # Plant kernels.
@@ -223,6 +233,7 @@ def plant_drive(
     none if `hold` is true.
     """
     drive_step(plant_settings[0], plant_memory[0], delay_line, tick, step, signals[0], hold)
+    check_workspace(signals[0])
 
 
 @kernel
@@ -308,6 +319,7 @@ def track_reference(
         model = mechanism.model_of(lane_of(plant_settings[0], lane))
         posture = mechanism.posture(model, row.true_position)
         out.true_error = mechanism.task_error(model, posture, row.true_position, x)
+    check_workspace(signals[0])
 
 
 @kernel
@@ -340,6 +352,7 @@ def is_finite(signals: Record) -> bool:
         row = lane_of(signals, lane)
         for values in (row.position, row.velocity, row.true_position, row.true_velocity):
             residual += _finite_residual(values)
+    check_workspace(signals)
     return residual == 0.0
 
 
@@ -399,8 +412,9 @@ def closed_loop(
     # Copies on the stack: the compiler then knows that nothing else refers to them.
     plant_constants, plant_state = copied(plant_settings[0]), copied(plant_memory[0])
     gains, control_state, row = copied(settings[0]), copied(memory[0]), copied(signals[0])
-    n, residual = len(reference), 0.0
+    n, residual, place = len(reference), 0.0, mark(row)
     for k in range(n):
+        free(row, place)
         write_reference(row, reference[k])
         control(gains, control_state, row)
         copy_to(row, history[k])
@@ -417,6 +431,7 @@ def closed_loop(
     copy_to(plant_state, plant_memory[0])
     copy_to(control_state, memory[0])
     copy_to(row, signals[0])
+    check_workspace(row)
     return residual == 0.0
 
 
@@ -458,8 +473,9 @@ def reduced_loop(
     # The compiler removes the branches of a missing shortcut.
     if shortcut is not None:
         fast_gains, state_before = copied(shortcut[0]), copied(memory[0])
-    n = len(reference)
+    n, place = len(reference), mark(row)
     for k in range(n):
+        free(row, place)
         write_reference(row, reference[k])
         if shortcut is None:
             control(gains, control_state, row)
@@ -474,6 +490,7 @@ def reduced_loop(
     copy_to(control_state, memory[0])
     copy_to(row, signals[0])
     copy_to(sums, reduced[0])
+    check_workspace(row)
 
 
 @formula

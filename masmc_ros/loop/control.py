@@ -20,6 +20,7 @@ from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.numerics.record import copy_lane, copy_to, lane_count
 from masmc_ros.numerics.scalars import minus
 from masmc_ros.numerics.tuples import elementwise, tail, thirds
+from masmc_ros.numerics.vectors import free, mark
 from masmc_ros.plant_model.fields import Signals
 from masmc_ros.robot import drift, mechanism
 
@@ -119,7 +120,7 @@ def _finish(settings: Record, memory: Record, signals: Record, estimators: int) 
 @inlined
 def _control(settings: Settings, memory: Memory, signals: Signals) -> None:
     """Compute one tick of one lane."""
-    before = memory.commanded
+    place, before = mark(settings), memory.commanded
     model = mechanism.model_of(settings)
     measured = tail(signals.velocity, before)
     is_estimated = settings.velocity_source == ESTIMATED
@@ -172,6 +173,7 @@ def _control(settings: Settings, memory: Memory, signals: Signals) -> None:
     signals.error = error
     signals.surface = tick.surface
     signals.singular = tick.is_singular
+    free(settings, place)
 
 
 @formula

@@ -22,6 +22,7 @@ from masmc_ros.loop.simulated_robot import delay_line, NO_STATE, write_plant, wr
 from masmc_ros.numerics.aliases import Array, Flags, Records
 from masmc_ros.numerics.compiled import bound
 from masmc_ros.numerics.record import fill
+from masmc_ros.numerics.sized_records import LAYOUT
 from masmc_ros.params.declaration import Values
 from masmc_ros.robot.robot import robot_of
 import numpy as np
@@ -183,7 +184,8 @@ def _copy_lanes(source: State, target: State, lanes: Flags) -> None:
         if old.dtype.names is None:
             old[..., lanes] = new[..., lanes]
         for name in old.dtype.names or ():
-            old[name][..., lanes] = new[name][..., lanes]
+            if name != LAYOUT:
+                old[name][..., lanes] = new[name][..., lanes]
 
 
 def _is_finite(signals: Records, lane: int) -> bool:

@@ -84,7 +84,7 @@ def law_settings(
         'base': BY_VELOCITY if is_hybrid else BY_TORQUE,
         'compensation': delay_compensation.ON if compensated else delay_compensation.OFF,
     }
-    return new_record(fields, mechanism.sizes, lanes, tags)
+    return new_record(fields, mechanism.sizes, lanes, tags, is_constant=True)
 
 
 def write_law(
@@ -144,7 +144,7 @@ def is_compensated(values: Values) -> bool:
 def plant_settings(mechanism: Mechanism, lanes: int = 1) -> Records:
     """Return the settings of a plant, all zero."""
     tags = {'mechanism': mechanism.tag}
-    return new_record(plant_tick.SETTINGS, mechanism.sizes, lanes, tags)
+    return new_record(plant_tick.SETTINGS, mechanism.sizes, lanes, tags, is_constant=True)
 
 
 def plant_memory(mechanism: Mechanism, lanes: int = 1) -> Records:

@@ -31,6 +31,7 @@ from masmc_ros.numerics.limits import clipped, limited
 from masmc_ros.numerics.record import fill, new_record
 from masmc_ros.numerics.scalars import minus, moved, zero
 from masmc_ros.numerics.tuples import dot, elementwise, tail
+from masmc_ros.numerics.vectors import check_workspace
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 import numpy as np
@@ -147,6 +148,7 @@ def _stop_torque(
     torque = elementwise(limited, raw, body.torque, body.limit, body.rate_limit, body.period)
     # The sum is zero for finite numbers and NaN otherwise.
     is_finite = dot(elementwise(minus, torque, torque), torque) == 0.0
+    check_workspace(body)
     if is_finite:
         body.torque = torque
         write_along(out, 0, torque)

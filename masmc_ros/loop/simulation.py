@@ -26,6 +26,7 @@ from masmc_ros.loop.simulated_robot import diverged, plant_of
 from masmc_ros.loop.tick_block import Change, TickBlock
 from masmc_ros.loop.timing import Timing
 from masmc_ros.numerics.aliases import Array, Records
+from masmc_ros.numerics.record import uninitialised
 from masmc_ros.params.declaration import Values
 from masmc_ros.reference.approach import Approach
 from masmc_ros.reference.trajectory import Trajectory
@@ -100,7 +101,7 @@ class Simulation:
         changes = tuple(change for change in self._changes if first <= change.tick < end)
         edges = sorted({first, end, *(change.tick for change in changes)})
         # All entries are written. Zeroed memory comes from the system page by page, which is slow.
-        signals = np.empty(len(reference), self.plant.signals.dtype)
+        signals = uninitialised(len(reference), self.plant.signals)
         active, is_void = np.zeros((2, len(reference)), bool)
         is_finite = True
         contact = np.zeros((len(reference), len(self.plant.contact)))

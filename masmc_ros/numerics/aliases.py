@@ -15,7 +15,8 @@ Numbers = tuple[float, ...]
 """
 Vector in a formula: one number per joint, task axis or inertial parameter.
 
-Compiled code has a tuple of up to `numerics.tuples.LONGEST` numbers, and an array of more.
+Compiled code has a tuple of up to `numerics.tuples.LONGEST` numbers, and an array of more. Of
+robots described by a URDF it has vectors of any length (`numerics.vectors`).
 """
 
 Axes = Numbers

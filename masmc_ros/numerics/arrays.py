@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from typing import cast, TypeVar
 
+from masmc_ros.numerics import vectors
 from masmc_ros.numerics.aliases import Array, Function, Numbers
 from masmc_ros.numerics.generated import (
     Compiler,
@@ -23,6 +24,7 @@ from masmc_ros.numerics.generated import (
 )
 from masmc_ros.numerics.scratch import array_over, CACHE_LINE
 from masmc_ros.numerics.tuples import FLOAT, is_array, MATRIX, VECTOR
+from masmc_ros.numerics.vectors import short_loop, VectorType
 from numba import types
 from numba.core import cgutils
 from numba.core.imputils import impl_ret_borrowed
@@ -75,9 +77,15 @@ def array_of(values: Numbers) -> Array:
     """
     Return a vector as an array, which is valid until the calling function ends.
 
-    A vector that is an array is returned unmodified.
+    A vector that is an array is returned unmodified. The function must not change the array, which
+    may share the memory of the vector.
     """
     return np.array(values) if isinstance(values, tuple) else values
+
+
+def changeable(values: Numbers) -> Array:
+    """Return a copy of a vector as an array, which is valid until the calling function ends."""
+    return np.array(values)
 
 
 def split_buffer(
@@ -92,7 +100,22 @@ def split_buffer(
 
 
 def _tuple_of(context: TypingContext, array: Type, *others: Type) -> types.Type:
+    if isinstance(others[-1], VectorType):
+        return VectorType(array.dtype)
     return types.UniTuple(array.dtype, len(others[-1]))
+
+
+def _place_at(
+    compiler: Compiler, kinds: Types, values: IrValues, which: int, i: IrValue
+) -> IrValue:
+    """Return a pointer to an entry of an array; i is added to index number `which`."""
+    array = compiler.context.make_array(kinds[0])(compiler.context, compiler.builder, values[0])
+    at = [
+        compiler.cast(value, kind, types.intp)
+        for value, kind in zip(values[1:], kinds[1:], strict=True)
+    ]
+    at[which] = compiler.builder.add(at[which], i)
+    return cgutils.get_item_pointer(compiler.context, compiler.builder, kinds[0], array, at)
 
 
 def _places(
@@ -119,6 +142,15 @@ def _read(which: int, indices: int) -> Function:
     """Return the code generator that reads a tuple; index number `which` increases."""
 
     def write(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
+        if isinstance(compiler.result, VectorType):
+            count = vectors.count_of(compiler, values[-1])
+            workspace = vectors.workspace_of(compiler, values[-1])
+            out = vectors.new_vector(compiler, compiler.result.entry, count, workspace)
+            source = kinds[:1 + indices], values[:1 + indices], which
+            with short_loop(compiler.builder, count) as i:
+                entry = compiler.builder.load(_place_at(compiler, *source, i))
+                vectors.store_entry(compiler, compiler.result, out, i, entry)
+            return out
         places = _places(
             compiler, kinds[:1 + indices], values[:1 + indices], which, len(compiler.result)
         )
@@ -132,6 +164,13 @@ def _written(which: int, indices: int) -> Function:
 
     def write(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
         value_type = kinds[1 + indices]
+        if isinstance(value_type, VectorType):
+            vector = values[1 + indices]
+            target = kinds[:1 + indices], values[:1 + indices], which
+            with short_loop(compiler.builder, vectors.count_of(compiler, vector)) as i:
+                entry = vectors.load_entry(compiler, value_type, vector, i)
+                compiler.builder.store(entry, _place_at(compiler, *target, i))
+            return compiler.context.get_dummy_value()
         count = len(value_type)
         places = _places(compiler, kinds[:1 + indices], values[:1 + indices], which, count)
         entries = compiler.entries(values[1 + indices], value_type)
@@ -153,6 +192,8 @@ generated(write_along, lambda context, *kinds: types.none)(_written(0, 1))
 def _type_of_vector(context: TypingContext, array: Type, as_many: Type) -> Type:
     if isinstance(as_many, types.Array):
         return as_many
+    if isinstance(as_many, VectorType):
+        return VectorType(array.dtype)
     return types.UniTuple(array.dtype, len(as_many))
 
 
@@ -160,6 +201,19 @@ def _type_of_vector(context: TypingContext, array: Type, as_many: Type) -> Type:
 def _to_vector(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     if is_array(kinds[1]):
         return compiler.run(_copy_of_first, kinds, values)
+    if isinstance(compiler.result, VectorType):
+        count = vectors.count_of(compiler, values[1])
+        workspace = vectors.workspace_of(compiler, values[1])
+        out = vectors.new_vector(compiler, compiler.result.entry, count, workspace)
+        source = (kinds[0], types.intp), (values[0], count.type(0)), 0
+        if kinds[0].layout == 'C':
+            place = _place_at(compiler, *source, count.type(0))
+            vectors.copy_entries(compiler, place, vectors.data_of(compiler, out), count)
+            return out
+        with short_loop(compiler.builder, count) as i:
+            entry = compiler.builder.load(_place_at(compiler, *source, i))
+            vectors.store_entry(compiler, compiler.result, out, i, entry)
+        return out
     first = compiler.context.get_constant(types.intp, 0)
     places = _places(
         compiler, (kinds[0], types.intp), (values[0], first), 0, len(compiler.result)
@@ -178,7 +232,15 @@ def _copy_of_first(array: Array, as_many: Array) -> Array:
 def _array_of(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     if is_array(kinds[0]):
         return impl_ret_borrowed(compiler.context, compiler.builder, kinds[0], values[0])
-    entries = compiler.entries(values[0], kinds[0])
+    if isinstance(kinds[0], VectorType):
+        data = vectors.data_of(compiler, values[0])
+        return array_over(compiler, VECTOR, data, [vectors.count_of(compiler, values[0])])
+    return _on_stack(compiler, kinds[0], values[0])
+
+
+def _on_stack(compiler: Compiler, kind: Type, value: IrValue) -> IrValue:
+    """Return a tuple as an array on the stack."""
+    entries = compiler.entries(value, kind)
     count = compiler.context.get_constant(types.intp, len(entries))
     number = compiler.context.get_data_type(FLOAT)
     room = cgutils.alloca_once(compiler.builder, number, count)
@@ -187,6 +249,19 @@ def _array_of(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
         place = compiler.builder.gep(room, [compiler.context.get_constant(types.intp, i)])
         compiler.builder.store(value, place)
     return array_over(compiler, VECTOR, room, [count])
+
+
+@generated(changeable, lambda context, values: VECTOR)
+def _changeable(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
+    if is_array(kinds[0]):
+        return compiler.run(_copy_of_first, [kinds[0]] * 2, [values[0]] * 2)
+    if not isinstance(kinds[0], VectorType):
+        return _on_stack(compiler, kinds[0], values[0])
+    count = vectors.count_of(compiler, values[0])
+    workspace = vectors.workspace_of(compiler, values[0])
+    copy = vectors.data_of(compiler, vectors.new_vector(compiler, FLOAT, count, workspace))
+    vectors.copy_entries(compiler, vectors.data_of(compiler, values[0]), copy, count)
+    return array_over(compiler, VECTOR, copy, [count])
 
 
 @generated(split_buffer, lambda context, *kinds: types.UniTuple(MATRIX, 2))

@@ -34,9 +34,10 @@ from masmc_ros.errors import UserError
 from masmc_ros.numerics.aliases import AnyFunction, Function
 from masmc_ros.numerics.code_files import CodeFiles
 from masmc_ros.numerics.compiler_errors import COMPILER_ERRORS, explained
+from masmc_ros.numerics.sized_records import has_sized_records, type_of
 from masmc_ros.user_folder import runtime_folder
 from numba import __version__ as numba_version
-from numba import config, njit, typeof
+from numba import config, njit
 from numba.core import event
 from numba.core.codegen import ll
 
@@ -126,6 +127,8 @@ class Kernel(Formula):
 
     def __call__(self, *arguments: object) -> Any:
         """Call it from Python; raise InputError with one line if it cannot be compiled."""
+        if has_sized_records(arguments) and not _is_interpreting():
+            return bound(self, *arguments)(*arguments)
         try:
             return super().__call__(*arguments)
         except COMPILER_ERRORS as error:
@@ -183,7 +186,8 @@ def kernel_of_threads(function: AnyFunction) -> AnyFunction:
 
     It is for calls of many milliseconds: after a short one, a thread would wait for the lock.
     """
-    return _compile(function, nogil=True)
+    compiled = _compile(function, nogil=True)
+    return cast(AnyFunction, compiled if _settings.DISABLE_JIT else Kernel(function, compiled))
 
 
 def is_interpreted(kernel: object) -> bool:
@@ -202,7 +206,7 @@ def bound(kernel: Function, *arguments: object) -> Function:
     """
     if is_interpreted(kernel):
         return kernel
-    types = tuple(map(typeof, arguments))
+    types = tuple(map(type_of, arguments))
     # Loaded code is used without Numba's lock, which another thread may hold for a long time.
     loaded = cast(Kernel, kernel).overloads.get(types)
     try:
@@ -216,7 +220,7 @@ def is_loaded(kernel: Function, *arguments: object) -> bool:
     """Return True if this process has the compiled code for the types of these arguments."""
     if is_interpreted(kernel):
         return True
-    return tuple(map(typeof, arguments)) in cast(Kernel, kernel).overloads
+    return tuple(map(type_of, arguments)) in cast(Kernel, kernel).overloads
 
 
 def is_on_disk(kernel: Function, *arguments: object) -> bool:
@@ -238,7 +242,7 @@ def _code_key(kernel: Function, arguments: tuple[object, ...]) -> tuple[object, 
     """Return the key under which Numba keeps the code for the types of arguments."""
     dispatcher = cast(Kernel, kernel)
     codegen = dispatcher.targetctx.codegen()
-    return dispatcher._cache._index_key(tuple(map(typeof, arguments)), codegen)
+    return dispatcher._cache._index_key(tuple(map(type_of, arguments)), codegen)
 
 
 def _compile(function: Function, **options: Any) -> Any:

@@ -17,7 +17,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from masmc_ros.numerics.aliases import AnyArray, Array, Record
+from masmc_ros.numerics import vectors
+from masmc_ros.numerics.aliases import AnyArray, Array, Numbers, Record
 from masmc_ros.numerics.generated import (
     Builder,
     CodeContext,
@@ -30,14 +31,29 @@ from masmc_ros.numerics.generated import (
     TypingContext,
 )
 from masmc_ros.numerics.scratch import array_over
+from masmc_ros.numerics.sized_records import (
+    count_of_field,
+    is_vector,
+    number_of,
+    SizedRecordType,
+    start_of_field,
+)
 from masmc_ros.numerics.tuples import entry_place, is_array, LONGEST, new_vector, VECTOR
+from masmc_ros.numerics.vectors import VectorType
 from numba import types
 from numba.core import cgutils
 from numba.core.datamodel.manager import DataModelManager
 from numba.core.errors import TypingError
-from numba.core.typing.templates import AttributeTemplate, Signature
+from numba.core.typing.templates import (
+    AbstractTemplate,
+    AttributeTemplate,
+    infer,
+    Signature,
+    signature,
+)
 from numba.extending import (
     infer_getattr,
+    lower_builtin,
     lower_getattr_generic,
     lower_setattr_generic,
     models,
@@ -87,20 +103,31 @@ def _unknown(name: str, fields: Iterable[str]) -> str:
 class LaneType(types.Type):
     """Type of one lane of a record in compiled code."""
 
-    def __init__(self, record: types.Record) -> None:
+    def __init__(self, record: Type) -> None:
         """Initialise the type for a type of records."""
         self.record = record
         super().__init__(f'Lane({record.name})')
 
     @property
-    def key(self) -> types.Record:
+    def key(self) -> Type:
         """Return the identity of the type."""
         return self.record
 
     @property
-    def mangling_args(self) -> tuple[str, tuple[types.Record]]:
+    def mangling_args(self) -> tuple[str, tuple[Type]]:
         """Return the short name of the type in symbols."""
         return 'Lane', (self.record,)
+
+    @property
+    def fields(self) -> Iterable[str]:
+        """Return the names of the fields."""
+        names: Iterable[str] = self.record.fields
+        return names
+
+    @property
+    def lanes(self) -> int:
+        """Return the number of lanes of the record."""
+        return int(next(iter(self.record.fields.values())).type.shape[-1])
 
     def _array(self, name: str) -> Type:
         return self.record.fields[name].type
@@ -125,7 +152,42 @@ class LaneType(types.Type):
         return types.Array(self.number(name), 1, 'C' if self.shape(name)[-1] == 1 else 'A')
 
 
+class SizedLaneType(LaneType):
+    """Type of one lane of a record whose sizes are known at run time."""
+
+    @property
+    def fields(self) -> Iterable[str]:
+        """Return the names of the fields."""
+        names: Iterable[str] = self.record.schema.places
+        return names
+
+    @property
+    def lanes(self) -> int:
+        """Return the number of lanes of the record."""
+        return int(self.record.schema.lanes)
+
+    def number(self, name: str) -> Type:
+        """Return the type of a component of a field."""
+        return number_of(self.record, name)
+
+    def type_of(self, name: str) -> Type:
+        """Return the type of a field when it is read."""
+        number = self.number(name)
+        return VectorType(number) if is_vector(self.record, name) else number
+
+    def array_of(self, name: str) -> Type:
+        """Return the type of the components of a field as an array."""
+        return types.Array(self.number(name), 1, 'C' if self.lanes == 1 else 'A')
+
+    def workspace(self, compiler: Compiler, value: IrValue) -> IrValue:
+        """Return the workspace for vectors of the record."""
+        record = compiler.builder.extract_value(value, 0)
+        workspace: IrValue = self.record.workspace(compiler, record)
+        return workspace
+
+
 @register_model(LaneType)
+@register_model(SizedLaneType)
 class _LaneModel(models.StructModel):
     def __init__(self, manager: DataModelManager, kind: LaneType) -> None:
         super().__init__(manager, kind, [('record', kind.record), ('lane', types.intp)])
@@ -137,9 +199,14 @@ class _Attributes(AttributeTemplate):
 
     # In Numba's class this attribute is NotImplemented.
     def generic_resolve(self, kind: LaneType, name: str) -> Type:  # type: ignore[override]
-        if name not in kind.record.fields:
-            raise TypingError(_unknown(name, kind.record.fields))
+        if name not in kind.fields:
+            raise TypingError(_unknown(name, kind.fields))
         return kind.type_of(name)
+
+
+@infer_getattr
+class _SizedAttributes(_Attributes):
+    key = SizedLaneType
 
 
 def lane_of(record: Record | Array, lane: int) -> Any:
@@ -150,6 +217,8 @@ def lane_of(record: Record | Array, lane: int) -> Any:
 def _type_of_lane(context: TypingContext, record: Type, lane: Type) -> Type:
     if is_array(record):
         return types.Array(record.dtype, record.ndim - 1, 'A')
+    if isinstance(record, SizedRecordType):
+        return SizedLaneType(record)
     return LaneType(record) if isinstance(record, types.Record) else None
 
 
@@ -186,10 +255,97 @@ def _type_of_array(context: TypingContext, lane: Type, name: Type) -> Type:
 @generated(in_place, _type_of_array)
 def _in_place(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     name = kinds[1].literal_value
-    count, lanes = kinds[0].shape(name)
     first = _component(compiler, kinds[0], values[0], name, 0)
-    length = compiler.context.get_constant(types.intp, count)
-    return array_over(compiler, compiler.result, first, [length], steps=lanes)
+    length = _count(compiler, kinds[0], values[0], name)
+    return array_over(compiler, compiler.result, first, [length], steps=kinds[0].lanes)
+
+
+@infer
+class _Components(AbstractTemplate):
+    key = 'static_getitem'
+
+    def generic(self, args: Types, kws: object) -> Signature | None:
+        record, name = args
+        if not isinstance(record, SizedRecordType) or name not in record.schema.places:
+            return None
+        dimensions = 2 if is_vector(record, name) else 1
+        return signature(types.Array(number_of(record, name), dimensions, 'C'), record, name)
+
+
+@lower_builtin('static_getitem', SizedRecordType, types.StringLiteral)
+def _components(
+    context: CodeContext, builder: Builder, sig: Signature, args: IrValues
+) -> IrValue:
+    """Return a field of all lanes as an array."""
+    kind, record, name = sig.args[0], args[0], str(args[1])
+    compiler = Compiler(context, builder, sig.return_type)
+    lengths = [context.get_constant(types.intp, kind.schema.lanes)]
+    if is_vector(kind, name):
+        lengths.insert(0, count_of_field(compiler, kind, record, name))
+    first = start_of_field(compiler, kind, record, name)
+    return array_over(compiler, sig.return_type, first, lengths)
+
+
+def part_in_place(lane: Any, name: str, first: int, count: int) -> Numbers:
+    """Return constant components of a field, which compiled code does not copy for one lane."""
+    return tuple(lane._values(name)[first:first + count].tolist())
+
+
+def _type_of_part(
+    context: TypingContext, lane: Type, name: Type, first: Type, count: Type
+) -> Type:
+    is_known = isinstance(lane, SizedLaneType) and isinstance(name, types.StringLiteral)
+    return VectorType(lane.number(name.literal_value)) if is_known else None
+
+
+@generated(part_in_place, _type_of_part)
+def _part_in_place(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
+    kind, lane, name = kinds[0], values[0], kinds[1].literal_value
+    first, count = (compiler.cast(values[k], kinds[k], types.intp) for k in (2, 3))
+    place = _component(compiler, kind, lane, name, first)
+    workspace = kind.workspace(compiler, lane)
+    if kind.lanes == 1:
+        return vectors.vector_over(compiler, place, count, workspace)
+    vector = vectors.new_vector(compiler, kind.number(name), count, workspace)
+    data = vectors.data_of(compiler, vector)
+    vectors.copy_entries(compiler, place, data, count, kind.lanes)
+    return vector
+
+
+@lower_getattr_generic(SizedLaneType)
+def _read_sized(
+    context: CodeContext, builder: Builder, kind: SizedLaneType, value: IrValue, name: str
+) -> IrValue:
+    compiler = Compiler(context, builder, kind.type_of(name))
+    first = _component(compiler, kind, value, name, 0)
+    if not is_vector(kind.record, name):
+        return builder.load(first)
+    count, workspace = _count(compiler, kind, value, name), kind.workspace(compiler, value)
+    if kind.lanes == 1 and kind.record.schema.is_constant:
+        return vectors.vector_over(compiler, first, count, workspace)
+    vector = vectors.new_vector(compiler, kind.number(name), count, workspace)
+    data = vectors.data_of(compiler, vector)
+    vectors.copy_entries(compiler, first, data, count, kind.lanes)
+    return vector
+
+
+@lower_setattr_generic(SizedLaneType)
+def _write_sized(
+    context: CodeContext, builder: Builder, signature: Signature, values: IrValues, name: str
+) -> None:
+    kind, value_kind = signature.args
+    compiler = Compiler(context, builder, value_kind)
+    first = _component(compiler, kind, values[0], name, 0)
+    if not is_vector(kind.record, name):
+        builder.store(values[1], first)
+        return
+    data, count = vectors.data_of(compiler, values[1]), _count(compiler, kind, values[0], name)
+    if kind.lanes == 1:
+        vectors.copy_entries(compiler, data, first, count)
+        return
+    with vectors.short_loop(builder, count) as i:
+        place = builder.gep(first, [builder.mul(i, i.type(kind.lanes))])
+        builder.store(builder.load(builder.gep(data, [i])), place)
 
 
 @lower_getattr_generic(LaneType)
@@ -232,14 +388,25 @@ def _write(
         builder.store(entry, _component(compiler, kind, values[0], name, i))
 
 
+def _count(compiler: Compiler, kind: LaneType, value: IrValue, name: str) -> IrValue:
+    """Return the number of components of a field."""
+    if isinstance(kind, SizedLaneType):
+        record = compiler.builder.extract_value(value, 0)
+        return count_of_field(compiler, kind.record, record, name)
+    return compiler.context.get_constant(types.intp, kind.shape(name)[0])
+
+
 def _component(
     compiler: Compiler, kind: LaneType, value: IrValue, name: str, i: int | IrValue
 ) -> IrValue:
     """Return a pointer to component i of a field; i is a number or an instruction."""
     build = compiler.builder
     record, lane = (build.extract_value(value, k) for k in range(2))
-    number = compiler.context.get_data_type(kind.number(name))
-    start = cgutils.get_record_member(build, record, kind.record.fields[name].offset, number)
-    lanes = kind.shape(name)[-1]
+    if isinstance(kind, SizedLaneType):
+        start = start_of_field(compiler, kind.record, record, name)
+    else:
+        number = compiler.context.get_data_type(kind.number(name))
+        start = cgutils.get_record_member(build, record, kind.record.fields[name].offset, number)
+    lanes = kind.lanes
     beyond = lane.type(i * lanes) if isinstance(i, int) else build.mul(i, lane.type(lanes))
     return build.gep(start, [build.add(lane, beyond)])

@@ -10,7 +10,9 @@ one component as (lanes), others as (components, lanes). Nodes have one lane, pa
 many; compiled code loops over the lanes innermost. `lanes.py` has the attributes of one lane.
 
 The type of a record contains its law and its mechanism as tags, the names of empty fields. The
-compiler selects formulas by them and compiles separate code for each.
+compiler selects formulas by them and compiles separate code for each. With the size
+`AT_RUN_TIME`, compiled code reads the sizes of fields from the record (`sized_records.py`), and
+one code serves records of all sizes.
 """
 
 from __future__ import annotations
@@ -28,12 +30,26 @@ from masmc_ros.numerics.generated import (
     Type,
     Types,
 )
+from masmc_ros.numerics.sized_records import (
+    CONSTANT,
+    copy_numbers,
+    copy_of_record,
+    LAYOUT,
+    numbers_of_record,
+    SizedRecordType,
+    with_layout,
+    write_layout,
+)
+from masmc_ros.numerics.sized_records import (
+    TAG as _TAG,
+)
 from numba import types
 from numba.core import cgutils
 import numpy as np
 from numpy.typing import ArrayLike
 
-_TAG = ':'
+AT_RUN_TIME = 'at_run_time'
+"""Name among sizes that selects sizes read at run time; its value has no meaning."""
 
 _CACHE_LINE = 64
 
@@ -45,6 +61,8 @@ def record_type(
     sizes: Mapping[str, int],
     lanes: int = 1,
     tags: Mapping[str, str] | None = None,
+    *,
+    is_constant: bool = False,
 ) -> np.dtype[np.void]:
     """
     Return the type of a record of fields, without duplicates.
@@ -54,11 +72,13 @@ def record_type(
     fields
         Declared fields; of several with one name the first applies.
     sizes
-        Number of components by name of a size.
+        Number of components by name of a size, with `AT_RUN_TIME` for compiled code of all sizes.
     lanes
         Number of parallel runs.
     tags
         Values by name by which the compiler selects formulas.
+    is_constant
+        True if kernels do not write the record; compiled code of all sizes then copies less.
 
     """
     known: dict[str, Field] = {}
@@ -71,7 +91,11 @@ def record_type(
     ]
     # Each tag is one byte at the end, so it does not move any number.
     members += [(f'{name}{_TAG}{value}', 'i1') for name, value in (tags or {}).items()]
-    return np.dtype(members, align=True)
+    if AT_RUN_TIME not in sizes:
+        return np.dtype(members, align=True)
+    if is_constant:
+        members.append((CONSTANT, 'i1'))
+    return with_layout(np.dtype(members, align=True))
 
 
 def new_record(
@@ -79,12 +103,25 @@ def new_record(
     sizes: Mapping[str, int],
     lanes: int = 1,
     tags: Mapping[str, str] | None = None,
+    *,
+    is_constant: bool = False,
 ) -> Records:
-    """Return an array of one record with the initial values of its fields."""
-    record = np.zeros(1, record_type(fields, sizes, lanes, tags))
+    """Return an array of one record with the initial values of its fields; see `record_type`."""
+    dtype = record_type(fields, sizes, lanes, tags, is_constant=is_constant)
+    record = np.zeros(1, dtype)
+    if AT_RUN_TIME in sizes:
+        write_layout(record)
     for field in fields:
         record[field.name] = field.initial
     return record
+
+
+def uninitialised(count: int, template: Records) -> Records:
+    """Return an array of records like those of another one, for compiled code that writes them."""
+    records = np.empty(count, template.dtype)
+    if LAYOUT in (template.dtype.names or ()):
+        records[LAYOUT] = template[LAYOUT][0]
+    return records
 
 
 def fill(record: Records, name: str, value: ArrayLike, lane: int | None = None) -> None:
@@ -101,10 +138,10 @@ def take_over(record: Records, before: Records) -> None:
             record[name] = before[name]
 
 
-def tag_of(record: types.Record | np.dtype[np.void], name: str) -> str:
+def tag_of(record: types.Record | SizedRecordType | np.dtype[np.void], name: str) -> str:
     """Return the tag of this name; KeyError for a record without it."""
-    fields = record.fields if isinstance(record, types.Record) else record.names or ()
-    for field in fields:
+    names = record.fields if isinstance(record, types.Record) else record.names or ()
+    for field in names:
         if field.startswith(name + _TAG):
             return str(field[len(name) + 1:])
     raise KeyError(name)
@@ -122,6 +159,8 @@ def lane_count(record: Record) -> int:
 
 
 def _lanes(record: Type) -> int:
+    if isinstance(record, SizedRecordType):
+        return record.schema.lanes
     return int(next(iter(record.fields.values())).type.shape[-1])
 
 
@@ -159,8 +198,10 @@ def copied(record: Record) -> Record:
 
 @generated(copied, lambda context, record: record)
 def _copied(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
-    size = kinds[0].size
     _allow_wide_vectors(compiler, kinds[0])
+    if isinstance(kinds[0], SizedRecordType):
+        return copy_of_record(compiler, values[0], _CACHE_LINE)
+    size = kinds[0].size
     room = cgutils.alloca_once(compiler.builder, ir.ArrayType(ir.IntType(8), size))
     room.align = _CACHE_LINE
     _copy_bytes(compiler.builder, room, values[0], size)
@@ -175,23 +216,32 @@ def copy_to(source: Record, target: Record) -> None:
 
 @generated(copy_to, lambda context, source, target: types.none)
 def _copy_to(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
-    _copy_bytes(compiler.builder, values[1], values[0], kinds[0].size)
+    if isinstance(kinds[0], SizedRecordType):
+        copy_numbers(compiler, values[0], values[1])
+    else:
+        _copy_bytes(compiler.builder, values[1], values[0], kinds[0].size)
     return compiler.context.get_dummy_value()
 
 
 def copy_lane(source: Record, target: Record, lane: int) -> None:
     """Copy one lane of a record without tags into another one of the same type."""
     for name in source.dtype.names or ():
-        target[name][..., lane] = source[name][..., lane]
+        if name != LAYOUT:
+            target[name][..., lane] = source[name][..., lane]
 
 
 @generated(copy_lane, lambda context, source, target, lane: types.none)
 def _copy_lane(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     # Every number takes 8 bytes, and the lanes of a component are neighbours.
     build, lanes, word = compiler.builder, _lanes(kinds[0]), ir.IntType(64)
-    words = [build.bitcast(value, word.as_pointer()) for value in values[:2]]
     lane = compiler.cast(values[2], kinds[2], types.intp)
-    count = compiler.context.get_constant(types.intp, kinds[0].size // (8 * lanes))
+    if isinstance(kinds[0], SizedRecordType):
+        pointers, counts = zip(*(numbers_of_record(compiler, v) for v in values[:2]), strict=True)
+        count = build.sdiv(counts[0], lane.type(lanes))
+    else:
+        pointers = tuple(values[:2])
+        count = compiler.context.get_constant(types.intp, kinds[0].size // (8 * lanes))
+    words = [build.bitcast(pointer, word.as_pointer()) for pointer in pointers]
     with cgutils.for_range(build, count) as loop:
         place = build.add(build.mul(loop.index, lane.type(lanes)), lane)
         build.store(build.load(build.gep(words[0], [place])), build.gep(words[1], [place]))

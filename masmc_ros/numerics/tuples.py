@@ -6,7 +6,7 @@ Operations on vectors of any length in formulas: elementwise functions, sums of 
 
 A vector of up to LONGEST entries is a tuple, which the compiler unrolls. A longer vector of a
 record is an array, which compiled code processes in loops. Functions before `matrix_times` accept
-both.
+both. All functions accept the vectors of `vectors.py`, whose lengths are known at run time.
 
 Sums start with zero and then add the first entry, so they are bitwise identical everywhere.
 """
@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, TypeVar
 
+from masmc_ros.numerics import vectors
 from masmc_ros.numerics.aliases import Array, Columns, Function, Numbers
 from masmc_ros.numerics.generated import (
     called,
@@ -28,6 +29,7 @@ from masmc_ros.numerics.generated import (
     Types,
     TypingContext,
 )
+from masmc_ros.numerics.vectors import MatrixType, NUMBERS, short_loop, VectorType
 from numba import types
 from numba.core import cgutils
 import numpy as np
@@ -58,6 +60,10 @@ def is_array(kind: types.Type) -> bool:
 
 def _is_vector(kind: types.Type) -> bool:
     return _is_tuple(kind) or is_array(kind)
+
+
+def _has_sized(kinds: Types) -> bool:
+    return any(isinstance(kind, VectorType) for kind in kinds)
 
 
 def _empty(shape: int | tuple[int, ...]) -> Array:
@@ -95,11 +101,15 @@ def elementwise(function: Function, *arguments: object) -> Any:
 
 def _types_of_entry(kinds: Types, i: int) -> tuple[types.Type, ...]:
     return tuple(
-        kind[i] if _is_tuple(kind) else kind.dtype if is_array(kind) else kind for kind in kinds
+        kind[i] if _is_tuple(kind) else kind.dtype if is_array(kind)
+        else kind.entry if isinstance(kind, VectorType) else kind
+        for kind in kinds
     )
 
 
 def _type_of_elementwise(context: TypingContext, function: Type, *kinds: Type) -> Type:
+    if _has_sized(kinds):
+        return VectorType(called(context, function, _types_of_entry(kinds, 0)).return_type)
     if any(map(is_array, kinds)):
         return VECTOR
     count = next(len(kind) for kind in kinds if _is_tuple(kind))
@@ -111,6 +121,8 @@ def _type_of_elementwise(context: TypingContext, function: Type, *kinds: Type) -
 @generated(elementwise, _type_of_elementwise)
 def _elementwise(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     function, kinds, values = kinds[0], kinds[1:], values[1:]
+    if isinstance(compiler.result, VectorType):
+        return _elementwise_of_sized(compiler, function, kinds, values)
     if is_array(compiler.result):
         return _elementwise_of_arrays(compiler, function, kinds, values)
     rows = [
@@ -148,6 +160,24 @@ def _elementwise_of_arrays(
     return out
 
 
+def _elementwise_of_sized(
+    compiler: Compiler, function: Type, kinds: Types, values: IrValues
+) -> IrValue:
+    first = next(
+        value for kind, value in zip(kinds, values, strict=True) if isinstance(kind, VectorType)
+    )
+    count, workspace = vectors.count_of(compiler, first), vectors.workspace_of(compiler, first)
+    out = vectors.new_vector(compiler, compiler.result.entry, count, workspace)
+    with short_loop(compiler.builder, count, is_vectorised=True) as i:
+        entries = [
+            vectors.load_entry(compiler, kind, value, i) if isinstance(kind, VectorType) else value
+            for kind, value in zip(kinds, values, strict=True)
+        ]
+        entry = compiler.call(function, compiler.result.entry, _types_of_entry(kinds, 0), entries)
+        vectors.store_entry(compiler, compiler.result, out, i, entry)
+    return out
+
+
 def from_index(
     function: Callable[[_Argument, int], _Entry],
     template: Numbers | Columns,
@@ -160,6 +190,8 @@ def from_index(
 
 def _type_of_table(context: TypingContext, function: Type, template: Type, argument: Type) -> Type:
     row = called(context, function, (argument, types.intp)).return_type
+    if vectors.is_sized(template):
+        return vectors.ROWS if isinstance(row, VectorType) else VectorType(row)
     if is_array(template):
         return MATRIX if _is_tuple(row) else VECTOR
     return tuple_type([row] * len(template))
@@ -168,6 +200,10 @@ def _type_of_table(context: TypingContext, function: Type, template: Type, argum
 @generated(from_index, _type_of_table)
 def _from_index(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     function, template, argument = kinds
+    if isinstance(compiler.result, MatrixType):
+        return _rows_of_sized(compiler, kinds, values)
+    if vectors.is_sized(template):
+        return _table_of_sized(compiler, kinds, values)
     if is_array(template):
         return _table_of_array(compiler, kinds, values)
     return compiler.tuple_of([
@@ -179,6 +215,42 @@ def _from_index(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
         )
         for i in range(len(compiler.result))
     ])
+
+
+def _table_of_sized(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
+    function, _, argument = kinds
+    template, entry_kind = values[1], compiler.result.entry
+    count = vectors.count_of(compiler, template)
+    workspace = vectors.workspace_of(compiler, template)
+    out = vectors.new_vector(compiler, entry_kind, count, workspace)
+    with short_loop(compiler.builder, count) as i:
+        entry = compiler.call(function, entry_kind, (argument, types.intp), (values[2], i))
+        vectors.store_entry(compiler, compiler.result, out, i, entry)
+    return out
+
+
+def _rows_of_sized(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
+    """Return the matrix of rows, whose length is that of the first one."""
+    function, _, argument = kinds
+    template, build = values[1], compiler.builder
+    count = vectors.count_of(compiler, template)
+    workspace = vectors.workspace_of(compiler, template)
+    zero = count.type(0)
+    kind = compiler.context.get_value_type(compiler.result)
+    matrix = cgutils.alloca_once(build, kind, zfill=True)
+    with short_loop(build, count) as i:
+        row = compiler.call(function, NUMBERS, (argument, types.intp), (values[2], i))
+        columns = vectors.count_of(compiler, row)
+        with build.if_then(build.icmp_signed('==', i, zero)):
+            build.store(vectors.new_matrix(compiler, count, columns, workspace), matrix)
+        target = vectors.row_of(compiler, build.load(matrix), i)
+        vectors.copy_entries(
+            compiler,
+            vectors.data_of(compiler, row),
+            vectors.data_of(compiler, target),
+            columns,
+        )
+    return build.load(matrix)
 
 
 def _table_of_array(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
@@ -224,8 +296,22 @@ def _sum_of_products(compiler: Compiler, a: IrValues, b: IrValues) -> IrValue:
 _dot_of_arrays = dot
 
 
+def _dot_of_sized(compiler: Compiler, kinds: Types, a: IrValue, b: IrValue) -> IrValue:
+    build = compiler.builder
+    total = cgutils.alloca_once_value(build, compiler.number(0.0))
+    with short_loop(build, vectors.count_of(compiler, a)) as i:
+        x, y = (
+            vectors.load_entry(compiler, kind, value, i)
+            for kind, value in zip(kinds, (a, b), strict=True)
+        )
+        build.store(build.fadd(build.load(total), build.fmul(x, y)), total)
+    return build.load(total)
+
+
 @generated(dot, lambda context, a, b: FLOAT)
 def _dot(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
+    if isinstance(kinds[0], VectorType):
+        return _dot_of_sized(compiler, kinds, *values)
     if is_array(kinds[0]):
         return compiler.run(_dot_of_arrays, kinds, values)
     return _sum_of_products(
@@ -247,6 +333,8 @@ def _unit_array(template: Array, i: int) -> Array:
 
 
 def _type_of_unit(context: TypingContext, template: Type, i: Type) -> Type:
+    if isinstance(template, VectorType):
+        return NUMBERS
     return VECTOR if is_array(template) else _floats(len(template))
 
 
@@ -256,6 +344,15 @@ def _unit(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
         return compiler.run(_unit_array, kinds, values)
     place = compiler.cast(values[1], kinds[1], types.intp)
     one, zero = compiler.number(1.0), compiler.number(0.0)
+    if isinstance(kinds[0], VectorType):
+        count = vectors.count_of(compiler, values[0])
+        workspace = vectors.workspace_of(compiler, values[0])
+        out = vectors.new_vector(compiler, FLOAT, count, workspace)
+        with short_loop(compiler.builder, count) as k:
+            is_place = compiler.builder.icmp_signed('==', place, k)
+            entry = compiler.builder.select(is_place, one, zero)
+            vectors.store_entry(compiler, NUMBERS, out, k, entry)
+        return out
     here = [compiler.context.get_constant(types.intp, j) for j in range(len(kinds[0]))]
     build = compiler.builder
     return compiler.tuple_of([
@@ -268,14 +365,38 @@ def matrix_times(columns: tuple[Numbers, ...], x: Numbers) -> Numbers:
     return tuple(dot(tuple(c[i] for c in columns), x) for i in range(len(columns[0])))
 
 
-@generated(matrix_times, lambda context, columns, x: _floats(len(columns[0])))
+def _type_of_product(context: TypingContext, columns: Type, x: Type) -> Type:
+    return NUMBERS if isinstance(columns, MatrixType) else _floats(len(columns[0]))
+
+
+@generated(matrix_times, _type_of_product)
 def _matrix_times(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
+    if isinstance(kinds[0], MatrixType):
+        return _matrix_times_sized(compiler, *values)
     columns = [compiler.entries(c, kinds[0][0]) for c in compiler.entries(values[0], kinds[0])]
     x = compiler.entries(values[1], kinds[1])
     return compiler.tuple_of([
         _sum_of_products(compiler, [column[i] for column in columns], x)
         for i in range(len(columns[0]))
     ])
+
+
+def _matrix_times_sized(compiler: Compiler, matrix: IrValue, x: IrValue) -> IrValue:
+    build = compiler.builder
+    size, workspace = (
+        vectors.columns_of(compiler, matrix), vectors.workspace_of(compiler, matrix)
+    )
+    out = vectors.new_vector(compiler, FLOAT, size, workspace)
+    total = cgutils.alloca_once(build, compiler.context.get_value_type(FLOAT))
+    with short_loop(build, size) as i:
+        build.store(compiler.number(0.0), total)
+        with short_loop(build, vectors.count_of(compiler, x)) as j:
+            column = vectors.row_of(compiler, matrix, j)
+            entry = vectors.load_entry(compiler, NUMBERS, column, i)
+            product = build.fmul(entry, vectors.load_entry(compiler, NUMBERS, x, j))
+            build.store(build.fadd(build.load(total), product), total)
+        vectors.store_entry(compiler, NUMBERS, out, i, build.load(total))
+    return out
 
 
 def least(vector: Numbers) -> float:
@@ -289,10 +410,24 @@ def least(vector: Numbers) -> float:
 @generated(least, lambda context, vector: FLOAT)
 def _least(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     build = compiler.builder
+    if isinstance(kinds[0], VectorType):
+        return _least_of_sized(compiler, kinds[0], values[0])
     smallest, *others = compiler.entries(values[0], kinds[0])
     for value in others:
         smallest = build.select(build.fcmp_ordered('<', value, smallest), value, smallest)
     return smallest
+
+
+def _least_of_sized(compiler: Compiler, kind: VectorType, vector: IrValue) -> IrValue:
+    build, zero = compiler.builder, compiler.context.get_constant(types.intp, 0)
+    smallest = cgutils.alloca_once_value(
+        build, vectors.load_entry(compiler, kind, vector, zero)
+    )
+    with short_loop(build, vectors.count_of(compiler, vector)) as i:
+        value, least = vectors.load_entry(compiler, kind, vector, i), build.load(smallest)
+        is_less = build.fcmp_ordered('<', value, least)
+        build.store(build.select(is_less, value, least), smallest)
+    return build.load(smallest)
 
 
 def head(vector: Numbers, as_many: Numbers) -> Numbers:
@@ -301,11 +436,16 @@ def head(vector: Numbers, as_many: Numbers) -> Numbers:
 
 
 def _type_of_head(context: TypingContext, vector: Type, as_many: Type) -> Type:
+    if isinstance(vector, VectorType):
+        return vector
     return tuple_type(vector[i] for i in range(len(as_many)))
 
 
 @generated(head, _type_of_head)
 def _head(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
+    if isinstance(kinds[0], VectorType):
+        count = vectors.count_of(compiler, values[1])
+        return vectors.part_of(compiler, values[0], count.type(0), count)
     return compiler.tuple_of(compiler.entries(values[0], kinds[0])[: len(kinds[1])])
 
 
@@ -316,6 +456,10 @@ def tail(vector: Numbers, as_many: Numbers) -> Numbers:
 
 @generated(tail, _type_of_head)
 def _tail(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
+    if isinstance(kinds[0], VectorType):
+        count = vectors.count_of(compiler, values[1])
+        first = compiler.builder.sub(vectors.count_of(compiler, values[0]), count)
+        return vectors.part_of(compiler, values[0], first, count)
     return compiler.tuple_of(compiler.entries(values[0], kinds[0])[-len(kinds[1]):])
 
 
@@ -325,8 +469,22 @@ def thirds(vector: Numbers) -> tuple[Numbers, Numbers, Numbers]:
     return vector[:n], vector[n:2 * n], vector[2 * n:]
 
 
-@generated(thirds, lambda context, vector: tuple_type([_floats(len(vector) // 3)] * 3))
+def _type_of_thirds(context: TypingContext, vector: Type) -> Type:
+    is_sized = isinstance(vector, VectorType)
+    return tuple_type([vector if is_sized else _floats(len(vector) // 3)] * 3)
+
+
+@generated(thirds, _type_of_thirds)
 def _thirds(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
+    if isinstance(kinds[0], VectorType):
+        count = vectors.count_of(compiler, values[0])
+        third = compiler.builder.sdiv(count, count.type(3))
+        return compiler.tuple_of([
+            vectors.part_of(
+                compiler, values[0], compiler.builder.mul(third, count.type(k)), third
+            )
+            for k in range(3)
+        ])
     n, entries = len(kinds[0]) // 3, compiler.entries(values[0], kinds[0])
     return compiler.tuple_of([
         compiler.tuple_of(entries[k * n:k * n + n], _floats(n)) for k in range(3)
@@ -338,10 +496,35 @@ def joined(first: Numbers, second: Numbers) -> Numbers:
     return first + second
 
 
-@generated(joined, lambda context, first, second: _floats(len(first) + len(second)))
+def _type_of_joined(context: TypingContext, first: Type, second: Type) -> Type:
+    return NUMBERS if _has_sized((first, second)) else _floats(len(first) + len(second))
+
+
+@generated(joined, _type_of_joined)
 def _joined(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
+    if isinstance(compiler.result, VectorType):
+        return _joined_sized(compiler, kinds, values)
     parts = (compiler.entries(v, k) for v, k in zip(values, kinds, strict=True))
     return compiler.tuple_of([entry for part in parts for entry in part])
+
+
+def _joined_sized(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
+    """Return the concatenation of a vector or a tuple and a vector."""
+    build, (first, second) = compiler.builder, values
+    workspace, count = vectors.workspace_of(compiler, second), vectors.count_of(compiler, second)
+    is_first_sized = isinstance(kinds[0], VectorType)
+    before = vectors.count_of(compiler, first) if is_first_sized else count.type(len(kinds[0]))
+    out = vectors.new_vector(compiler, FLOAT, build.add(before, count), workspace)
+    data = vectors.data_of(compiler, out)
+    if is_first_sized:
+        vectors.copy_entries(compiler, vectors.data_of(compiler, first), data, before)
+    else:
+        for i, entry in enumerate(compiler.entries(first, kinds[0])):
+            build.store(entry, build.gep(data, [count.type(i)]))
+    vectors.copy_entries(
+        compiler, vectors.data_of(compiler, second), build.gep(data, [before]), count
+    )
+    return out
 
 
 def column(rows: tuple[Numbers, ...], i: int) -> Numbers:
@@ -349,9 +532,27 @@ def column(rows: tuple[Numbers, ...], i: int) -> Numbers:
     return tuple(row[i] for row in rows)
 
 
-@generated(column, lambda context, rows, i: tuple_type(row[i.literal_value] for row in rows))
+def _type_of_column(context: TypingContext, rows: Type, i: Type) -> Type:
+    if isinstance(rows, VectorType):
+        return VectorType(rows.entry[i.literal_value])
+    return tuple_type(row[i.literal_value] for row in rows)
+
+
+@generated(column, _type_of_column)
 def _column(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
+    if isinstance(kinds[0], VectorType):
+        return _column_sized(compiler, kinds[0], values[0], kinds[1].literal_value)
     rows = compiler.entries(values[0], kinds[0])
     return compiler.tuple_of([
         compiler.builder.extract_value(row, kinds[1].literal_value) for row in rows
     ])
+
+
+def _column_sized(compiler: Compiler, kind: VectorType, rows: IrValue, i: int) -> IrValue:
+    count, workspace = vectors.count_of(compiler, rows), vectors.workspace_of(compiler, rows)
+    out = vectors.new_vector(compiler, compiler.result.entry, count, workspace)
+    with short_loop(compiler.builder, count) as k:
+        row = vectors.load_entry(compiler, kind, rows, k)
+        entry = compiler.builder.extract_value(row, i)
+        vectors.store_entry(compiler, compiler.result, out, k, entry)
+    return out

@@ -22,6 +22,7 @@ from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.numerics.limits import clipped
 from masmc_ros.numerics.portable_math import exp
 from masmc_ros.numerics.tuples import unit
+from masmc_ros.numerics.vectors import check_workspace, free, mark
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.formula_types import Lengths, MechanismInertia
 import numpy as np
@@ -69,8 +70,11 @@ def joint_inertias(plant: Records, angles: Array, lane: int) -> NDArray[np.float
     model = mechanism.model_of(robot)
     bend = mechanism.posture_of_joints(model, to_vector(angles, template))
     h = mechanism.inertia(model, bend, robot.theta)
+    place = mark(robot)
     for joint in range(len(template)):
+        free(robot, place)
         diagonal[joint] = felt_inertia(model, template, h, joint)
+    check_workspace(robot)
     return diagonal
 
 

@@ -19,6 +19,7 @@ from masmc_ros.numerics.portable_random import gaussian
 from masmc_ros.numerics.record import lane_count
 from masmc_ros.numerics.scalars import minus, zero
 from masmc_ros.numerics.tuples import elementwise, head, joined, tail
+from masmc_ros.numerics.vectors import free, mark
 from masmc_ros.plant_model.delays import newest, OF_MEASUREMENT
 from masmc_ros.plant_model.fields import PlantMemory, PlantSettings, Signals
 from masmc_ros.robot import mechanism
@@ -78,7 +79,7 @@ def measure(plant: PlantSettings, memory: PlantMemory, tick: int, signals: Signa
         Signals of the tick with the true state; `position` and `velocity` are written.
 
     """
-    model = mechanism.model_of(plant)
+    place, model = mark(plant), mechanism.model_of(plant)
     position, rates = memory.position, memory.rates
     resolution, pose = plant.resolution, memory.odometry
     angles = elementwise(quantised, tail(position, rates), resolution)
@@ -96,6 +97,7 @@ def measure(plant: PlantSettings, memory: PlantMemory, tick: int, signals: Signa
     velocity = elementwise(_chosen, is_blind, elementwise(zero, velocity), velocity)
     signals.position = elementwise(_chosen, is_exact, signals.position, seen)
     signals.velocity = elementwise(_chosen, is_exact, signals.velocity, velocity)
+    free(plant, place)
 
 
 @formula

@@ -9,6 +9,7 @@ from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.scalars import plus
 from masmc_ros.numerics.tuples import elementwise
+from masmc_ros.numerics.vectors import free, mark
 from masmc_ros.plant_model.fields import PlantMemory, PlantSettings
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.formula_types import Lengths
@@ -80,7 +81,7 @@ def runge_kutta_stage(plant: PlantSettings, memory: PlantMemory, stage: int, h: 
         Length of the step in s.
 
     """
-    is_first, is_last = stage == 0, stage == 3
+    place, is_first, is_last = mark(plant), stage == 0, stage == 3
     weight = 1.0 if is_last else 2.0
     # To the next stage from the start of the step, and to the end of it along all slopes.
     part = h / 6.0 if is_last else (h if stage == 2 else 0.5 * h)
@@ -100,3 +101,4 @@ def runge_kutta_stage(plant: PlantSettings, memory: PlantMemory, stage: int, h: 
     along = elementwise(_chosen, acceleration, accelerations, is_last)
     reached_rates = elementwise(_moved, memory.rates, part, along)
     memory.reached_rates = reached_rates
+    free(plant, place)

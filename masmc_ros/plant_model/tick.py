@@ -20,6 +20,7 @@ from masmc_ros.numerics.record import lane_count
 from masmc_ros.numerics.scalars import minus, plus, selected, zero
 from masmc_ros.numerics.scratch import scratch
 from masmc_ros.numerics.tuples import column, elementwise
+from masmc_ros.numerics.vectors import free, mark
 from masmc_ros.plant_model.delays import receive
 from masmc_ros.plant_model.disturbance import (
     moment,
@@ -376,7 +377,9 @@ def advance(
         state = lane_of(memory, lane)
         state.reached = state.position
         state.reached_rates = state.rates
+    place = mark(plant)
     for step in range(steps):
+        free(plant, place)
         if takes_rates:
             for lane in range(lanes):
                 robot, state = lane_of(plant, lane), lane_of(memory, lane)

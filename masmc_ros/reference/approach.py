@@ -19,6 +19,7 @@ from masmc_ros.numerics.aliases import Array, Records
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.numerics.limits import clipped
+from masmc_ros.numerics.vectors import check_workspace
 from masmc_ros.robot.approach_blend import decayed, returned, SHORTEST, task_state
 from masmc_ros.robot.robot import Robot
 import numpy as np
@@ -46,7 +47,9 @@ def _approach_start(
 
     `speed` limits the velocity on each axis. `start` (axes) is x. Returns the largest distance.
     """
-    x, x_dot = task_state(lane_of(body[0], 0), position, rates)
+    robot = lane_of(body[0], 0)
+    x, x_dot = task_state(robot, position, rates)
+    check_workspace(robot)
     for i in range(len(distance)):
         distance[i] = reference[i]
     way = 0.0

@@ -12,6 +12,7 @@ from masmc_ros.numerics.aliases import Array, Records
 from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.lanes import lane_of
+from masmc_ros.numerics.vectors import check_workspace
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.base_pose import OLDEST_POSE_NS, Pose
 from masmc_ros.robot.robot import Robot
@@ -26,6 +27,7 @@ def _reckon(body: Records, turned: Array, pose: Array) -> None:
     model = mechanism.model_of(robot)
     angles = to_vector(turned, robot.rates)
     pose[0], pose[1], pose[2] = mechanism.dead_reckoned(model, (pose[0], pose[1], pose[2]), angles)
+    check_workspace(robot)
 
 
 class DeadReckoning:

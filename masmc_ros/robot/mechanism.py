@@ -13,8 +13,10 @@ A `Mechanism` (`declaration.py`) declares names and numbers, and the module with
 of this file, under the same names. The type of `model`, the named tuple of the mechanism's
 constant lengths, selects them. All are pure and use SI units, radians and, for a task, the world
 frame by REP-103. Vectors are tuples; theta and vectors as long are arrays if they have more than
-`numerics.tuples.LONGEST` entries. `template` is a vector of the kind and length of the
-result. Built-in mechanisms are next to this file; plug-ins use entry points (`mechanisms.py`).
+`numerics.tuples.LONGEST` entries. With the size `numerics.record.AT_RUN_TIME`, one compiled code
+serves mechanisms of all sizes, and vectors are those of `numerics.vectors`. `template` is a vector
+of the kind and length of the result. Built-in mechanisms are next to this file; plug-ins use entry
+points (`mechanisms.py`).
 
 A mechanism without redundancy and without speed limits needs neither `reference_damping` nor
 `reachable_surface` nor `compensated` nor `follow_drift`: those of `drift.py` are the defaults.

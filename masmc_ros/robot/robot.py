@@ -14,6 +14,7 @@ from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.numerics.record import fill, new_record
+from masmc_ros.numerics.vectors import check_workspace, free, mark
 from masmc_ros.params.declaration import Values
 from masmc_ros.robot import mechanism as formulas
 from masmc_ros.robot.declaration import Mechanism, ODOM_FRAME
@@ -107,9 +108,12 @@ def _task_positions(body: Records, position: Array) -> Array:
     template = robot.position
     model = formulas.model_of(robot)
     out = np.empty((len(position), len(robot.error)))
+    place = mark(robot)
     for k in range(len(position)):
+        free(robot, place)
         at = to_vector(position[k], template)
         x = formulas.task_position(model, formulas.posture(model, at), at)
         for i in range(len(x)):
             out[k, i] = x[i]
+    check_workspace(robot)
     return out

@@ -89,7 +89,7 @@ class Run:
         """Initialise the run from the records of all ticks (n)."""
         self.singular = int(signals['singular'].sum())
         for name in signals.dtype.names:
-            if name not in ('singular', 'age'):
+            if name not in ('singular', 'age') and name.isidentifier():
                 rows = np.ascontiguousarray(signals[name][:, :, 0])
                 if name in _AFTER_THE_LAST:
                     # The last command is not applied; its effect is unknown.

@@ -14,13 +14,14 @@ from hypothesis import strategies as st
 from masmc_ros.errors import InputError
 from masmc_ros.loop.records import plant_settings
 from masmc_ros.numerics.record import tag_of
+from masmc_ros.numerics.sized_records import type_of
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.declaration import formulas_of_tag
 from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.robot.robot import robot_of
-from masmc_ros.robot.tree.formulas import model_of_axes
+from masmc_ros.robot.tree.formulas import model_of
 from masmc_ros.robot.tree.friction import CREEP
-from masmc_ros.robot.tree.model import axes_of, TreeModel
+from masmc_ros.robot.tree.model import TreeModel
 from masmc_ros.robot.tree.natural_adaptation import adapted
 from masmc_ros.robot.tree.task.drift import _unseen
 from masmc_ros.robot.tree.tree_mechanism import tree_mechanism
@@ -83,7 +84,7 @@ class Drawn:
         self.values = values | {f'robot.{name}': value for name, value in settings_.items()}
         self.robot = robot_of(self.values)
         numbers = self.robot.geometry
-        axes = axes_of(numbers, (0.0,) * len(self.mechanism.axes))
+        axes = (0.0,) * len(self.mechanism.axes)
         self.model = TreeModel(numbers, axes)
         draw = np.random.default_rng(seed)
         self.position = np.array([0.0, 0.0, 0.0, *nominal_posture])
@@ -450,11 +451,12 @@ def test_tree_base_task_on_two_wheels_raises() -> None:
         tree_mechanism({**parameters(), 'robot.task': 'base'})
 
 
-def test_tree_robots_with_other_tasks_have_separate_functions() -> None:
-    """Both robots exist in one process, created in any order."""
+def test_tree_robots_with_other_tasks_share_compiled_functions() -> None:
+    """Records of robots of other sizes have the same type in compiled code."""
     made = [
         tree_mechanism({**parameters(), 'robot.task': task}) for task in ('planar', 'position')
     ]
-    for robot, axes in zip((*made, made[0]), (2, 3, 2), strict=True):
-        tag = tag_of(plant_settings(robot).dtype, 'mechanism')
-        assert formulas_of_tag(tag).model_of is model_of_axes(axes)
+    kinds = {type_of(plant_settings(robot)) for robot in made}
+    assert len(kinds) == 1
+    tags = {tag_of(plant_settings(robot).dtype, 'mechanism') for robot in made}
+    assert {formulas_of_tag(tag).model_of for tag in tags} == {model_of}

@@ -26,6 +26,7 @@ from masmc_ros.numerics.aliases import Array, Joints, Numbers, Parameters
 from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.tuples import dot, elementwise
+from masmc_ros.numerics.vectors import free, mark
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.formula_types import Lengths
@@ -356,8 +357,9 @@ def projected(
     for j in range(n):
         estimate[j] = theta[j]
     clip_to_box(n, nominal, lower, upper, estimate)
-    part = MARGIN * lower
+    part, place = MARGIN * lower, mark(theta)
     for _ in range(_CUTS):
+        free(theta, place)
         above = elementwise(_less, to_vector(estimate, nominal), nominal, part)
         pivot, x = mechanism.weakest_motion(model, above)
         if pivot > 0.0:
@@ -369,6 +371,7 @@ def projected(
             bound += lower * normal[j] * nominal[j]
         move_into_half_space(n, normal, bound, gamma, nominal, lower, upper, estimate)
     for _ in range(_HALVINGS):
+        free(theta, place)
         above = elementwise(_less, to_vector(estimate, nominal), nominal, part)
         pivot, x = mechanism.weakest_motion(model, above)
         if pivot > 0.0:

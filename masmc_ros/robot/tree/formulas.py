@@ -11,15 +11,13 @@ Task, redundancy and physical consistency are in separate files.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache
 from typing import NamedTuple
 
 from masmc_ros.numerics.aliases import Array, Numbers
-from masmc_ros.numerics.arrays import array_of, to_vector
+from masmc_ros.numerics.arrays import array_of, changeable, to_vector
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.elimination import factor, solve
-from masmc_ros.numerics.lanes import in_place
+from masmc_ros.numerics.lanes import in_place, part_in_place
 from masmc_ros.numerics.portable_math import sin_cos
 from masmc_ros.numerics.scalars import minus, zero
 from masmc_ros.numerics.scratch import copy_into, scratch
@@ -32,7 +30,14 @@ from masmc_ros.robot.tree.consistency import consistency_normal, weakest_motion
 from masmc_ros.robot.tree.dynamics import GRAVITY
 from masmc_ros.robot.tree.friction import add_friction, write_friction_gradient
 from masmc_ros.robot.tree.kinematics import base_motion, place, Posture
-from masmc_ros.robot.tree.model import axes_of, base_of, bodies_of, damping_of, TreeModel
+from masmc_ros.robot.tree.model import (
+    AXES,
+    AXIS_COUNT,
+    base_of,
+    bodies_of,
+    damping_of,
+    TreeModel,
+)
 from masmc_ros.robot.tree.natural_adaptation import adapted
 from masmc_ros.robot.tree.task.drift import compensated, follow_drift, reachable_surface
 from masmc_ros.robot.tree.task.redundancy import (
@@ -92,17 +97,12 @@ class Regressor(NamedTuple):
     acceleration: Numbers
 
 
-@cache
-def model_of_axes(count: int) -> Callable[[HasGeometry], TreeModel]:
-    """Return `model_of` for a task of `count` axes, which is a constant of the compiled code."""
-    as_many = (0.0,) * count
-
-    @formula
-    def model_of(record: HasGeometry) -> TreeModel:
-        numbers = in_place(record, 'geometry')
-        return TreeModel(numbers, axes_of(numbers, as_many))
-
-    return model_of
+@formula
+def model_of(record: HasGeometry) -> TreeModel:
+    """Return the model in a record."""
+    numbers = in_place(record, 'geometry')
+    count = int(numbers[AXIS_COUNT])
+    return TreeModel(numbers, part_in_place(record, 'geometry', AXES, count))
 
 
 @kernel
@@ -121,7 +121,7 @@ def posture_of_joints(model: TreeModel, angles: Numbers) -> Posture:
 @kernel
 def motion(model: TreeModel, rates: Numbers) -> Numbers:
     """Return nu from the rates of wheels and joints."""
-    values = array_of(rates)
+    values = changeable(rates)
     into_base(model, values, False)
     return to_vector(values, rates)
 
@@ -129,7 +129,7 @@ def motion(model: TreeModel, rates: Numbers) -> Numbers:
 @kernel
 def joint_rates(model: TreeModel, motion: Numbers) -> Numbers:
     """Return the rates of wheels and joints."""
-    values = array_of(motion)
+    values = changeable(motion)
     into_wheels(model, values, False)
     return to_vector(values, motion)
 
@@ -137,7 +137,7 @@ def joint_rates(model: TreeModel, motion: Numbers) -> Numbers:
 @kernel
 def joint_torques(model: TreeModel, forces: Numbers) -> Numbers:
     """Return the torques of wheels and joints."""
-    values = array_of(forces)
+    values = changeable(forces)
     into_wheels(model, values, True)
     return to_vector(values, forces)
 
@@ -145,14 +145,14 @@ def joint_torques(model: TreeModel, forces: Numbers) -> Numbers:
 @kernel
 def forces(model: TreeModel, torques: Numbers) -> Numbers:
     """Return the forces conjugate to nu."""
-    values = array_of(torques)
+    values = changeable(torques)
     into_base(model, values, True)
     return to_vector(values, torques)
 
 
 @kernel
 def _pose_rates(model: TreeModel, posture: Posture, rates: Numbers) -> Numbers:
-    values = array_of(rates)
+    values = changeable(rates)
     into_base(model, values, False)
     w, v = base_motion(base_of(model), values)
     s, c = posture.sine, posture.cosine
@@ -275,7 +275,7 @@ def inertia_times(model: TreeModel, inertia: Array, acceleration: Numbers) -> Nu
 @kernel
 def inertia_solve(model: TreeModel, inertia: Array, forces: Numbers) -> Numbers:
     """Return H^-1 f."""
-    factors, x = scratch(len(inertia), len(inertia)), array_of(forces)
+    factors, x = scratch(len(inertia), len(inertia)), changeable(forces)
     copy_into(factors, inertia)
     factor(factors)
     solve(factors, x)
@@ -294,7 +294,7 @@ def joint_accelerations(
     model: TreeModel, posture: Posture, theta: Numbers, rates: Numbers, torques: Numbers
 ) -> Numbers:
     """Return the accelerations of wheels and joints under torques."""
-    nu, f, parameters = array_of(rates), array_of(torques), array_of(theta)
+    nu, f, parameters = changeable(rates), changeable(torques), array_of(theta)
     into_base(model, nu, False)
     into_base(model, f, True)
     add_friction(model, parameters, nu, -1.0, f)
@@ -325,11 +325,14 @@ def commanded_joint_rates(model: TreeModel, command: Numbers) -> Numbers:
 @kernel
 def dead_reckoned(model: TreeModel, pose: Numbers, turned: Numbers) -> Numbers:
     """Return the base pose after a rotation of wheels; exact for the mean of both headings."""
-    values = array_of(turned)
+    values = changeable(turned)
     into_base(model, values, False)
     w, v = base_motion(base_of(model), values)
     s, c = sin_cos(pose[2] + 0.5 * w[2])
-    return pose[0] + v[0] * c - v[1] * s, pose[1] + v[0] * s + v[1] * c, pose[2] + w[2]
+    reached = scratch(POSE)
+    reached[0], reached[1] = pose[0] + v[0] * c - v[1] * s, pose[1] + v[0] * s + v[1] * c
+    reached[2] = pose[2] + w[2]
+    return to_vector(reached, pose)
 
 
 @kernel

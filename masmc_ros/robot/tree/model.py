@@ -53,13 +53,15 @@ class TreeModel(NamedTuple):
     numbers: Array
     """Result of `packed`."""
     axes: tuple[float, ...] = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0)
-    """Places of the task's axes among the coordinates of `task.py`."""
+    """Places of the task's axes among the coordinates of `task.py`, for their number."""
 
 
 DAMPED_TIME = 0.5
 """Inverse of the speed in rad/s or m/s above which a robot with speed limits is damped."""
 
-_AXES = 8
+AXIS_COUNT, AXES = 8, 9
+"""Places of the number of task axes and of their indices."""
+
 _BODY = 35
 _FRAME = 13
 
@@ -121,7 +123,7 @@ def packed(
     bodies = np.column_stack([tree.parent, tree.kind, *_turned(tree), tree.offset])
     parts: tuple[ArrayLike, ...] = (
         (len(tree.parent), tree.base, len(frames), posture_gain, damping, least_pivot,
-         drift_rate, DAMPED_TIME if np.isfinite(speeds).any() else 0.0),
+         drift_rate, DAMPED_TIME if np.isfinite(speeds).any() else 0.0, len(axes)),
         axes, bodies, mobility, posture, wheels,
         np.linalg.inv(wheels) if len(wheels) else wheels, tree.armature, *limits,
         1.0 / speeds,
@@ -159,16 +161,9 @@ def _turned(tree: Tree) -> tuple[NDArray[np.float64], ...]:
 
 
 @formula
-def axes_of(numbers: Array, template: tuple[float, ...]) -> tuple[float, ...]:
-    """Return the indices of the task axes, as a tuple as long as `template`."""
-    axes: tuple[float, ...] = read_along(numbers, _AXES, template)
-    return axes
-
-
-@formula
 def axis_of(model: TreeModel, i: int) -> int:
     """Return the index of one task axis; for loops, in which tuples are slow."""
-    return int(model.numbers[_AXES + i])
+    return int(model.numbers[AXES + i])
 
 
 @formula
@@ -221,7 +216,7 @@ def damped_time_of(model: TreeModel) -> float:
 
 @formula
 def _body_begins(model: TreeModel, body: int) -> int:
-    return _AXES + len(model.axes) + _BODY * body
+    return AXES + len(model.axes) + _BODY * body
 
 
 @formula

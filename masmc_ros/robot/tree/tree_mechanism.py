@@ -13,6 +13,7 @@ import xml.etree.ElementTree as ElementTree
 
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.numerics.aliases import Array
+from masmc_ros.numerics.record import AT_RUN_TIME
 from masmc_ros.numerics.tuples import LONGEST
 from masmc_ros.params.declaration import MutableValues, Parameter, Value, Values
 from masmc_ros.robot.declaration import (
@@ -219,9 +220,13 @@ class TreeMechanism(Mechanism):
 
     @cached_property
     def tag(self) -> str:
-        """Return the tag of the compiled code, which depends only on numbers of components."""
-        sizes = (len(self.twist), len(self.joints), len(self.theta), len(self.axes))
-        return ' '.join(map(str, (self.name, *sizes)))
+        """Return the tag of the compiled code, which is that of all trees."""
+        return self.name
+
+    @cached_property
+    def sizes(self) -> dict[str, int]:
+        """Return the numbers of components, which compiled code reads at run time."""
+        return {**super().sizes, AT_RUN_TIME: 1}
 
     @cached_property
     def formulas(self) -> SimpleNamespace:
@@ -233,8 +238,7 @@ class TreeMechanism(Mechanism):
                 'frame_transforms', 'description', 'outline',
             )
         }  # fmt: skip
-        of_size = {'model_of': kernels.model_of_axes(len(self.axes))}
-        return SimpleNamespace(**{**vars(kernels), **own, **of_size})
+        return SimpleNamespace(**{**vars(kernels), **own})
 
     def _constants(self, values: Values) -> tuple[Array, Array]:
         """Return the model as one vector, and theta: inertial parameters, then friction."""

@@ -22,7 +22,7 @@ therefore damped before a joint speed of about 1 / DAMPED_TIME, in rad/s or m/s.
 from __future__ import annotations
 
 from masmc_ros.numerics.aliases import Array, Columns, Numbers
-from masmc_ros.numerics.arrays import array_of, to_vector
+from masmc_ros.numerics.arrays import array_of, changeable, to_vector
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.elimination import factor, solve
 from masmc_ros.numerics.scratch import clear, copy_into, scratch
@@ -157,7 +157,7 @@ def reference_motion(
     """Return nu_r, a_r - kappa (nu - nu_r), and True if the task is close to singular."""
     base, gain, damping = base_of(model), posture_gain_of(model), damping_of(model)
     nu, at = array_of(motion), array_of(position)
-    y, y_dot = array_of(velocity), array_of(acceleration)
+    y, y_dot = changeable(velocity), changeable(acceleration)
     size, pose, m = len(nu), len(at) - len(nu), len(model.axes)
     columns, changes, factors = scratch(size, m), scratch(size, m), scratch(m, m)
     weights, growths = scratch(size), scratch(size)
@@ -204,7 +204,7 @@ def motion_from_task(
     """Return W^-1 J' (J W^-1 J' + lambda^2)^-1 xdot."""
     size, m = len(posture.motion_subspaces), len(model.axes)
     columns, weights, factors = scratch(size, m), scratch(size), scratch(m, m)
-    y, still, growths = array_of(rates), scratch(size), scratch(size)
+    y, still, growths = changeable(rates), scratch(size), scratch(size)
     clear(still)
     write_task_jacobian(model, posture, columns)
     _write_mobilities(model, posture, still, weights, growths)

@@ -58,7 +58,7 @@ _ERROR, _ERROR_RATE, _RATE = range(3)
 @formula
 def _entry(arguments: tuple[TreeModel, Array, int], i: int) -> float:
     model, values, row = arguments
-    return values[row, int(model.axes[i])]
+    return values[row, axis_of(model, i)]
 
 
 @formula

@@ -1,0 +1,144 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""One compiled code for robots of all URDFs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+import subprocess
+import sys
+
+from helpers.child_environment import child_environment
+from helpers.small_tree import hand_at_start, URDF, write_scenario
+from masmc_ros.errors import InputError
+from masmc_ros.loop.simulation import Simulation
+from masmc_ros.numerics.compiled import kernel
+from masmc_ros.numerics.field import Field
+from masmc_ros.numerics.lanes import lane_of
+from masmc_ros.numerics.record import AT_RUN_TIME, new_record
+from masmc_ros.numerics.scalars import plus
+from masmc_ros.numerics.tuples import elementwise
+from masmc_ros.numerics.vectors import check_workspace, free, mark
+from masmc_ros.params.scenario import load_scenario
+from numba.core import event
+import numpy as np
+import pytest
+
+_ARM = """/**:
+  ros__parameters:
+    robot:
+      urdf: {urdf}
+      joints: [{joints}]
+      task: joints
+    control_period: 0.001
+    duration: 0.02
+trajectory:
+  ros__parameters:
+    line_sine:
+      offset: {zeros}
+      amplitude: {zeros}
+      frequency: {zeros}
+      phase: {zeros}
+"""
+
+
+def _arm(folder: Path, urdf: str, *joints: str) -> Path:
+    """Write an arm with a fixed base, whose task are its joints, and return its file."""
+    description = folder / f'arm_{len(joints)}.urdf'
+    description.write_text(urdf, encoding='utf-8')
+    path = description.with_suffix('.yaml')
+    zeros = [0.0] * len(joints)
+    text = _ARM.format(urdf=description, joints=', '.join(joints), zeros=zeros)
+    path.write_text(text, encoding='utf-8')
+    return path
+
+
+def _signals(path: Path, *settings: str) -> np.ndarray:
+    parts = list(Simulation(load_scenario(str(path), settings)).run())
+    torque = np.concatenate([part.signals['torque'] for part in parts])
+    assert np.isfinite(torque).all()
+    return torque
+
+
+def test_second_and_third_urdf_compile_nothing(tmp_path: Path) -> None:
+    """Robots with other numbers of joints, axes, bodies and wheels run the same compiled code."""
+    first = write_scenario(tmp_path, hand_at_start(), 0.02)
+    second = _arm(tmp_path, URDF, 'turret_joint', 'upper_joint')
+    other = URDF.replace('small', 'other').replace('0.3 0 0', '0.35 0.02 0')
+    third = _arm(tmp_path, other, 'turret_joint', 'lift_joint', 'upper_joint', 'hand_joint')
+    # Functions for the URDF do not depend on sizes, but some robots do not call them.
+    for path in (second, third):
+        load_scenario(str(path))
+    assert _signals(first).shape[1] == 7
+    with event.install_recorder('numba:compile') as compilations:
+        assert _signals(second).shape[1] == 2
+        assert _signals(third).shape[1] == 4
+    compiled = {found.data['dispatcher'].py_func.__qualname__ for _, found in compilations.buffer}
+    assert compiled == set()
+
+
+def test_robot_of_another_size_in_one_process_has_same_bits(tmp_path: Path) -> None:
+    """A run is bitwise identical before and after a run of a robot of another size."""
+    first = write_scenario(tmp_path, hand_at_start(), 0.02)
+    before = _signals(first)
+    _signals(_arm(tmp_path, URDF, 'turret_joint', 'upper_joint'))
+    assert np.array_equal(_signals(first), before)
+
+
+@kernel
+def _sum(records: np.ndarray, repetitions: int, keeps: bool) -> float:
+    row, total = lane_of(records[0], 0), 0.0
+    place = mark(row)
+    for _ in range(repetitions):
+        if not keeps:
+            free(row, place)
+        for value in elementwise(plus, row.values, row.values):
+            total += value
+    check_workspace(row)
+    return total
+
+
+def _records(count: int) -> np.ndarray:
+    records = new_record((Field('values', 'count'),), {'count': count, AT_RUN_TIME: 1})
+    records['values'][0, :, 0] = np.arange(count)
+    return records
+
+
+@pytest.mark.parametrize('count', [1, 2, 7, 48, 49, 300])
+def test_vector_of_any_length_is_summed_by_one_code(count: int) -> None:
+    assert _sum(_records(count), 2, True) == 2.0 * count * (count - 1)
+    if hasattr(_sum, 'overloads'):
+        assert len(_sum.overloads) == 1
+
+
+@pytest.mark.skipif(not hasattr(_sum, 'overloads'), reason='interpreted code has no workspace')
+def test_full_workspace_raises_one_line() -> None:
+    records = _records(300)
+    _sum(records, 100_000, False)
+    with pytest.raises(InputError, match=r'^workspace of \d+ bytes is full: ') as error:
+        _sum(records, 100_000, True)
+    assert '\n' not in str(error.value)
+    # The next call is not affected.
+    assert _sum(records, 1, True) == 300.0 * 299.0
+
+
+def test_record_of_another_type_raises() -> None:
+    """Compiled code is not used for a record with other fields."""
+    code = (
+        'from masmc_ros.numerics.compiled import bound\n'
+        'from masmc_ros.numerics.field import Field\n'
+        'from masmc_ros.numerics.record import AT_RUN_TIME, new_record\n'
+        'from loop.test_tree_sizes import _records, _sum\n'
+        'run = bound(_sum, _records(3), 1, True)\n'
+        "other = new_record((Field('others', 'n'),), {'n': 3, AT_RUN_TIME: 1})\n"
+        'try:\n'
+        '    run(other, 1, True)\n'
+        'except TypeError as error:\n'
+        '    print(error)\n'
+    )
+    result = subprocess.run(
+        [sys.executable, '-c', code], env=child_environment(), capture_output=True, text=True,
+        check=True, timeout=300.0, cwd=Path(__file__).parents[1],
+    )  # fmt: skip
+    assert 'record of another type' in result.stdout
