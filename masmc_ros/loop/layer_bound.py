@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 
 from masmc_ros.loop import records
-from masmc_ros.numerics.aliases import Array, Columns, Records
+from masmc_ros.numerics.aliases import Array, Records
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.numerics.record import fill
@@ -23,11 +23,15 @@ import numpy as np
 
 
 @kernel
-def _task_inertia(plant_settings: Records, signals: Records) -> Columns:
+def _task_inertia(plant_settings: Records, signals: Records, result: Array) -> None:
+    """Write the task inertia (axes, axes) into an array."""
     plant, row = lane_of(plant_settings[0], 0), lane_of(signals[0], 0)
     model = formulas.model_of(plant)
     bend = formulas.posture(model, row.position)
-    return formulas.task_inertia(model, bend, plant.theta, row.error)
+    inertia = formulas.task_inertia(model, bend, plant.theta, row.error)
+    for i in range(len(result)):
+        for j in range(len(result)):
+            result[i, j] = inertia[i][j]
 
 
 def least_task_inertia(
@@ -38,7 +42,8 @@ def least_task_inertia(
     fill(plant, 'theta', theta)
     fill(plant, 'geometry', geometry)
     fill(signals, 'position', position)
-    matrix = np.array(_task_inertia(plant, signals))
+    matrix = np.empty(2 * (len(mechanism.axes),))
+    _task_inertia(plant, signals, matrix)
     return float(np.linalg.eigvalsh(0.5 * (matrix + matrix.T))[0])
 
 

@@ -77,7 +77,7 @@ class Schema:
 def with_layout(dtype: np.dtype[np.void]) -> np.dtype[np.void]:
     """Return the type of a record with a layout before its other fields."""
     assert dtype.names is not None
-    count = sum(TAG not in name for name in dtype.names)
+    count = len([name for name in dtype.names if TAG not in name])
     members = [(LAYOUT, 'i4', (_FIRST + 2 * count,))]
     whole = np.dtype([*members, *((name, dtype[name]) for name in dtype.names)], align=True)
     # The last name, because the first one gives the number of lanes.

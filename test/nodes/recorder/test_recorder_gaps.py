@@ -61,7 +61,7 @@ def test_recorder_delayed_missing_states_reported(
         qos = subscription_qos()
         tester.node.create_subscription(JointState, 'joint_states', store_stamp, qos, raw=True)
         tester.subscribe(DiagnosticArray, '/diagnostics', on_health)
-        started.start('plant', *ROBOT)
+        started.start('plant', *ROBOT, '-p', 'control_period:=0.001')
         node = started.start('recorder', *recorder(log))
         tester.until(lambda: health.get('messages', '0') != '0', 'messages recorded')
         previous = int(health['missing by their stamps'])
