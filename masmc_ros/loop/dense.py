@@ -7,11 +7,13 @@ from __future__ import annotations
 
 from masmc_ros.law.plug_in import TickInput
 from masmc_ros.law.tick import tick_of
-from masmc_ros.numerics.aliases import Axes, Columns, Joints, Numbers, Records
+from masmc_ros.numerics.aliases import Array, Columns, Numbers, Records
+from masmc_ros.numerics.arrays import write_part
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.numerics.scalars import zero
 from masmc_ros.numerics.tuples import elementwise, from_index, tail, thirds, unit
+from masmc_ros.numerics.vectors import check_workspace
 from masmc_ros.params.declaration import Values
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.formula_types import (
@@ -22,9 +24,6 @@ from masmc_ros.robot.formula_types import (
 )
 import numpy as np
 from numpy.typing import NDArray
-
-_Inputs = tuple[Axes, Axes, Joints, Joints, Columns, Columns, Columns, Columns, Columns, bool]
-"""Vectors, matrices by their columns, and True close to a singularity."""
 
 
 @formula
@@ -58,9 +57,41 @@ def _regressor_column(arguments: tuple[Lengths, MechanismRegressor, Numbers], j:
     return mechanism.joint_torques(model, f)
 
 
+@formula
+def _write_columns(columns: Columns, out: Array) -> None:
+    """Write a matrix by its columns into the rows of an array."""
+    for j in range(out.shape[0]):
+        for i in range(out.shape[1]):
+            out[j, i] = columns[j][i]
+
+
 @kernel
-def dense(settings: Records, row: Records) -> _Inputs:
-    """Return the inputs of a plain Python law as vectors and matrix columns, for `tick_input`."""
+def dense(
+    settings: Records,
+    row: Records,
+    of_axes: Array,
+    of_joints: Array,
+    jacobian: Array,
+    inverse: Array,
+    inertia: Array,
+    task_inertia: Array,
+    regressor: Array,
+) -> bool:
+    """
+    Write the inputs of a plain Python law for `tick_input`; return True close to a singularity.
+
+    Parameters
+    ----------
+    settings, row
+        Settings (1) of a built-in law, and signals (1) with the state and the reference.
+    of_axes
+        Output (2, axes): error and surface.
+    of_joints
+        Output (2, joints): v_r and a_r as joint rates and their derivatives.
+    jacobian, inverse, inertia, task_inertia, regressor
+        Output: matrices (columns, rows), see `arrays_of`.
+
+    """
     gains, signals = lane_of(settings[0], 0), lane_of(row[0], 0)
     position, velocity = signals.position, signals.velocity
     model = mechanism.model_of(gains)
@@ -70,18 +101,35 @@ def dense(settings: Records, row: Records) -> _Inputs:
     desired, nothing = thirds(signals.reference), elementwise(zero, v)
     tick = tick_of(gains, posture, v, position, velocity, desired, nothing, nothing)
     h = mechanism.inertia(model, posture, tick.nominal)
-    return (
-        tick.error,
-        tick.surface,
-        mechanism.joint_rates(model, tick.reference_velocity),
-        mechanism.joint_rates(model, tick.reference_acceleration),
-        from_index(_jacobian_column, rates, (model, posture, rates)),
-        from_index(_inverse_column, tick.error, (model, posture, tick.error, rates)),
-        from_index(_reduced_inertia_column, rates, (model, h, rates)),
-        mechanism.task_inertia(model, posture, tick.nominal, tick.error),
-        from_index(_regressor_column, tick.nominal, (model, tick.regressor, tick.nominal)),
-        tick.is_singular,
+    write_part(of_axes, 0, 0, tick.error)
+    write_part(of_axes, 1, 0, tick.surface)
+    write_part(of_joints, 0, 0, mechanism.joint_rates(model, tick.reference_velocity))
+    write_part(of_joints, 1, 0, mechanism.joint_rates(model, tick.reference_acceleration))
+    _write_columns(from_index(_jacobian_column, rates, (model, posture, rates)), jacobian)
+    _write_columns(
+        from_index(_inverse_column, tick.error, (model, posture, tick.error, rates)), inverse
     )
+    _write_columns(from_index(_reduced_inertia_column, rates, (model, h, rates)), inertia)
+    _write_columns(
+        mechanism.task_inertia(model, posture, tick.nominal, tick.error), task_inertia
+    )
+    _write_columns(
+        from_index(_regressor_column, tick.nominal, (model, tick.regressor, tick.nominal)),
+        regressor,
+    )
+    check_workspace(gains)
+    return tick.is_singular
+
+
+def arrays_of(settings: Records, signals: Records) -> tuple[Array, ...]:
+    """Return the output arrays of `dense` for settings and signals of a robot."""
+    axes, joints = signals['error'].shape[1], signals['torque'].shape[1]
+    parameters = settings['nominal'].shape[1]
+    shapes = (
+        (2, axes), (2, joints), (joints, axes), (axes, joints), (joints, joints), (axes, axes),
+        (parameters, joints),
+    )  # fmt: skip
+    return tuple(np.empty(shape) for shape in shapes)
 
 
 def tick_input(
@@ -108,25 +156,25 @@ def tick_input(
         Torque (joints) of the last tick in N·m.
 
     """
-    error, surface, v_r, a_r, jacobian, inverse, inertia, task_inertia, y, singular = dense(
-        settings, signals
-    )
+    arrays = arrays_of(settings, signals)
+    singular = dense(settings, signals, *arrays)
+    (error, surface), (v_r, a_r), jacobian, inverse, inertia, task_inertia, y = arrays
     return TickInput(
         period=float(settings['period'][0, 0]),
         gains=gains,
         position=signals['position'][0, :, 0].copy(),
         velocity=signals['velocity'][0, :, 0].copy(),
         reference=signals['reference'][0].reshape(3, -1).copy(),
-        error=np.array(error),
-        error_rate=np.array(surface) - gains['sigma'] * np.array(error),
-        surface=np.array(surface),
-        reference_velocity=np.array(v_r),
-        reference_acceleration=np.array(a_r),
-        jacobian=np.array(jacobian).T,
-        inverse_jacobian=np.array(inverse).T,
-        inertia=np.array(inertia).T,
-        task_inertia=np.array(task_inertia).T,
-        regressor=np.array(y).T,
+        error=error,
+        error_rate=surface - gains['sigma'] * error,
+        surface=surface,
+        reference_velocity=v_r,
+        reference_acceleration=a_r,
+        jacobian=jacobian.T,
+        inverse_jacobian=inverse.T,
+        inertia=inertia.T,
+        task_inertia=task_inertia.T,
+        regressor=y.T,
         estimate=estimate.copy(),
         commanded=commanded.copy(),
         singular=bool(singular),

@@ -42,7 +42,7 @@ from masmc_ros.loop.closed_loop import (
     reduce_torque,
 )
 from masmc_ros.loop.controller import Controller
-from masmc_ros.loop.dense import dense
+from masmc_ros.loop.dense import arrays_of, dense
 from masmc_ros.loop.dry_run import check
 from masmc_ros.loop.signals import inputs
 from masmc_ros.numerics.aliases import AnyArray, Function
@@ -151,7 +151,7 @@ def code_of_plain_law(
         (name, switching, compensated),
         (
             *before,
-            (dense, (settings, signals)),
+            (dense, (settings, signals, *arrays_of(settings, signals))),
             (limit_torque, (settings, memory, signals)),
         ),
     )

@@ -12,6 +12,8 @@ import sys
 from helpers.child_environment import child_environment
 from helpers.small_tree import hand_at_start, URDF, write_scenario
 from masmc_ros.errors import InputError
+from masmc_ros.loop.dense import tick_input
+from masmc_ros.loop.layer_bound import least_task_inertia
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.field import Field
@@ -84,6 +86,31 @@ def test_robot_of_another_size_in_one_process_has_same_bits(tmp_path: Path) -> N
     before = _signals(first)
     _signals(_arm(tmp_path, URDF, 'turret_joint', 'upper_joint'))
     assert np.array_equal(_signals(first), before)
+
+
+def test_law_in_plain_python_on_a_tree_has_dense_matrices(tmp_path: Path) -> None:
+    """Kernels write matrices of sizes at run time into arrays of the caller."""
+    path = write_scenario(tmp_path, hand_at_start(), 0.02)
+    simulation = Simulation(load_scenario(str(path)))
+    for _ in simulation.run():
+        pass
+    controller = simulation.controller
+    inputs = tick_input(
+        controller.settings,
+        controller.signals,
+        controller.values,
+        controller.estimate,
+        controller.torque,
+    )
+    np.testing.assert_allclose(inputs.jacobian @ inputs.inverse_jacobian, np.eye(6), atol=1e-9)
+    np.testing.assert_allclose(inputs.inertia, inputs.inertia.T, atol=1e-9)
+    assert np.linalg.eigvalsh(inputs.inertia)[0] > 0.0
+    assert inputs.regressor.shape == (7, len(controller.nominal))
+    position = controller.signals['position'][0, :, 0]
+    geometry = controller.settings['geometry'][0, :, 0]
+    nominal = controller.settings['nominal'][0, :, 0]
+    least = least_task_inertia(controller.mechanism, nominal, geometry, position)
+    assert least == pytest.approx(np.linalg.eigvalsh(inputs.task_inertia)[0], rel=1e-6)
 
 
 @kernel
