@@ -17,6 +17,7 @@ from masmc_ros.numerics.aliases import Array, Records
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.numerics.record import fill
+from masmc_ros.numerics.vectors import check_workspace
 from masmc_ros.robot import mechanism as formulas
 from masmc_ros.robot.declaration import Mechanism
 import numpy as np
@@ -32,6 +33,7 @@ def _task_inertia(plant_settings: Records, signals: Records, result: Array) -> N
     for i in range(len(result)):
         for j in range(len(result)):
             result[i, j] = inertia[i][j]
+    check_workspace(plant)
 
 
 def least_task_inertia(

@@ -46,7 +46,8 @@ def test_preparation_law_source_changed_is_repeated(
         path.write_text(f'def torque():\n    return {number}\n', encoding='utf-8')
         names: dict[str, object] = {}
         exec(compile(path.read_text(encoding='utf-8'), str(path), 'exec'), names)
-        law = replace(SMC, torque=names['torque'])
+        # Under another name, because a law registers itself.
+        law = replace(SMC, name='changed', torque=names['torque'])
         monkeypatch.setattr(preparation, 'laws', lambda law=law: (law,))
         marks.add(preparation.mark(TWO_LINK))
     assert len(marks) == 2
