@@ -104,7 +104,7 @@ setup(
         # `make docs` installs these alone: the Python API is read from the sources.
         'docs': [
             'furo',
-            'myst-parser',
+            'myst-nb',
             'sphinx',
             'sphinx-autoapi',
             'sphinx-copybutton',

@@ -21,7 +21,7 @@ html_title = 'masmc_ros'
 repository_url = 'https://github.com/masmc-ros/masmc_ros'
 
 extensions = [
-    'myst_parser',
+    'myst_nb',
     'sphinx.ext.napoleon',
     'autoapi.extension',
     'sphinxcontrib.katex',
@@ -33,6 +33,9 @@ extensions = [
 ]
 exclude_patterns = ['_extensions']
 highlight_language = 'none'
+
+# Pages show the stored outputs; a test executes the notebooks.
+nb_execution_mode = 'off'
 
 myst_enable_extensions = ['dollarmath', 'amsmath', 'html_image']
 myst_fence_as_directive = ['math', 'mermaid']

@@ -20,7 +20,12 @@ _TITLED = re.compile(r'.*<(.+)>$')
 
 
 def pages() -> set[Path]:
+    """Return all pages in Markdown written by hand."""
     return {page for page in DOCS.rglob('*.md') if GENERATED not in page.parents}
+
+
+def notebooks() -> set[Path]:
+    return set(DOCS.rglob('*.ipynb'))
 
 
 def entries(page: Path) -> set[Path]:
@@ -31,19 +36,20 @@ def entries(page: Path) -> set[Path]:
             titled = _TITLED.match(line)
             target = titled[1] if titled else line
             if not target.startswith((':', 'https:', 'api/')):
-                targets |= set(page.parent.glob(f'{target}.md')) or {page.parent / f'{target}.md'}
+                files = {*page.parent.glob(f'{target}.md'), *page.parent.glob(f'{target}.ipynb')}
+                targets |= files or {page.parent / f'{target}.md'}
     return targets - {page}
 
 
 def test_every_page_is_in_a_toctree() -> None:
     listed = set().union(*map(entries, pages()))
-    missing = pages() - listed - {DOCS / 'index.md'}
+    missing = (pages() | notebooks()) - listed - {DOCS / 'index.md'}
     assert not missing, 'add to a toctree of docs/index.md: ' + ', '.join(map(str, missing))
 
 
 def test_every_toctree_entry_is_a_page() -> None:
     for page in pages():
-        assert entries(page) <= pages(), page
+        assert entries(page) <= pages() | notebooks(), page
 
 
 def test_headings_skip_no_level() -> None:
