@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from masmc_ros.law.plug_in import TickInput
 from masmc_ros.law.tick import tick_of
-from masmc_ros.numerics.aliases import Array, Columns, Numbers, Records
-from masmc_ros.numerics.arrays import write_part
+from masmc_ros.numerics.aliases import Array, Numbers, Records
+from masmc_ros.numerics.arrays import write_columns, write_part
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.numerics.scalars import zero
@@ -57,14 +57,6 @@ def _regressor_column(arguments: tuple[Lengths, MechanismRegressor, Numbers], j:
     return mechanism.joint_torques(model, f)
 
 
-@formula
-def _write_columns(columns: Columns, out: Array) -> None:
-    """Write a matrix by its columns into the rows of an array."""
-    for j in range(out.shape[0]):
-        for i in range(out.shape[1]):
-            out[j, i] = columns[j][i]
-
-
 @kernel
 def dense(
     settings: Records,
@@ -105,15 +97,15 @@ def dense(
     write_part(of_axes, 1, 0, tick.surface)
     write_part(of_joints, 0, 0, mechanism.joint_rates(model, tick.reference_velocity))
     write_part(of_joints, 1, 0, mechanism.joint_rates(model, tick.reference_acceleration))
-    _write_columns(from_index(_jacobian_column, rates, (model, posture, rates)), jacobian)
-    _write_columns(
+    write_columns(from_index(_jacobian_column, rates, (model, posture, rates)), jacobian)
+    write_columns(
         from_index(_inverse_column, tick.error, (model, posture, tick.error, rates)), inverse
     )
-    _write_columns(from_index(_reduced_inertia_column, rates, (model, h, rates)), inertia)
-    _write_columns(
+    write_columns(from_index(_reduced_inertia_column, rates, (model, h, rates)), inertia)
+    write_columns(
         mechanism.task_inertia(model, posture, tick.nominal, tick.error), task_inertia
     )
-    _write_columns(
+    write_columns(
         from_index(_regressor_column, tick.nominal, (model, tick.regressor, tick.nominal)),
         regressor,
     )

@@ -21,8 +21,7 @@ from masmc_ros.loop.reduction import axes_of_points, reduced_signals
 from masmc_ros.loop.simulated_robot import delay_line, NO_STATE, write_plant, write_start
 from masmc_ros.numerics.aliases import Array, Flags, Records
 from masmc_ros.numerics.compiled import bound
-from masmc_ros.numerics.record import fill
-from masmc_ros.numerics.sized_records import LAYOUT
+from masmc_ros.numerics.record import copy_lane, fill
 from masmc_ros.params.declaration import Values
 from masmc_ros.robot.robot import robot_of
 import numpy as np
@@ -183,9 +182,8 @@ def _copy_lanes(source: State, target: State, lanes: Flags) -> None:
     for new, old in zip(source, target, strict=True):
         if old.dtype.names is None:
             old[..., lanes] = new[..., lanes]
-        for name in old.dtype.names or ():
-            if name != LAYOUT:
-                old[name][..., lanes] = new[name][..., lanes]
+        else:
+            copy_lane(new, old, lanes)
 
 
 def _is_finite(signals: Records, lane: int) -> bool:

@@ -14,6 +14,7 @@ import math
 
 from masmc_ros.loop import records
 from masmc_ros.numerics.aliases import Array, Records
+from masmc_ros.numerics.arrays import write_columns
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.numerics.record import fill
@@ -29,10 +30,7 @@ def _task_inertia(plant_settings: Records, signals: Records, result: Array) -> N
     plant, row = lane_of(plant_settings[0], 0), lane_of(signals[0], 0)
     model = formulas.model_of(plant)
     bend = formulas.posture(model, row.position)
-    inertia = formulas.task_inertia(model, bend, plant.theta, row.error)
-    for i in range(len(result)):
-        for j in range(len(result)):
-            result[i, j] = inertia[i][j]
+    write_columns(formulas.task_inertia(model, bend, plant.theta, row.error), result)
     check_workspace(plant)
 
 

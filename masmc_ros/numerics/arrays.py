@@ -9,10 +9,12 @@ Indices must not be negative and must be within the array; compiled code does no
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import cast, TypeVar
 
 from masmc_ros.numerics import vectors
-from masmc_ros.numerics.aliases import Array, Function, Numbers
+from masmc_ros.numerics.aliases import Array, Columns, Function, Numbers
+from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.generated import (
     Compiler,
     generated,
@@ -88,6 +90,14 @@ def changeable(values: Numbers) -> Array:
     return np.array(values)
 
 
+@formula
+def write_columns(columns: Columns, out: Array) -> None:
+    """Write a matrix by its columns into the rows of an array."""
+    for j in range(out.shape[0]):
+        for i in range(out.shape[1]):
+            out[j, i] = columns[j][i]
+
+
 def split_buffer(
     block: Array, rows: int, columns: int, others: int, wide: int
 ) -> tuple[Array, Array]:
@@ -106,36 +116,38 @@ def _tuple_of(context: TypingContext, array: Type, *others: Type) -> types.Type:
 
 
 def _place_at(
-    compiler: Compiler, kinds: Types, values: IrValues, which: int, i: IrValue
-) -> IrValue:
-    """Return a pointer to an entry of an array; i is added to index number `which`."""
+    compiler: Compiler, kinds: Types, values: IrValues, which: int
+) -> Callable[[IrValue], IrValue]:
+    """Return a function of a pointer to an entry of an array: i is added to index `which`."""
     array = compiler.context.make_array(kinds[0])(compiler.context, compiler.builder, values[0])
-    at = [
+    start = [
         compiler.cast(value, kind, types.intp)
         for value, kind in zip(values[1:], kinds[1:], strict=True)
     ]
-    at[which] = compiler.builder.add(at[which], i)
-    return cgutils.get_item_pointer(compiler.context, compiler.builder, kinds[0], array, at)
+
+    def place_at(i: IrValue) -> IrValue:
+        at = list(start)
+        at[which] = compiler.builder.add(at[which], i)
+        return cgutils.get_item_pointer(compiler.context, compiler.builder, kinds[0], array, at)
+
+    return place_at
 
 
 def _places(
     compiler: Compiler, kinds: Types, values: IrValues, which: int, count: int
 ) -> list[IrValue]:
     """Return pointers to consecutive entries of an array; index number `which` increases."""
-    array = compiler.context.make_array(kinds[0])(compiler.context, compiler.builder, values[0])
-    start = [
-        compiler.cast(value, kind, types.intp)
-        for value, kind in zip(values[1:], kinds[1:], strict=True)
-    ]
-    build, pointers = compiler.builder, []
-    for i in range(count):
-        at = [
-            build.add(index, index.type(i)) if k == which else index
-            for k, index in enumerate(start)
-        ]
-        place = cgutils.get_item_pointer(compiler.context, build, kinds[0], array, at)
-        pointers.append(place)
-    return pointers
+    place_at = _place_at(compiler, kinds, values, which)
+    return [place_at(compiler.context.get_constant(types.intp, i)) for i in range(count)]
+
+
+def _loaded(
+    compiler: Compiler, template: IrValue, place_at: Callable[[IrValue], IrValue]
+) -> IrValue:
+    """Return a vector as long as another one, from pointers to its entries."""
+    return vectors.vector_of_entries(
+        compiler, compiler.result.entry, template, lambda i: compiler.builder.load(place_at(i))
+    )
 
 
 def _read(which: int, indices: int) -> Function:
@@ -143,14 +155,8 @@ def _read(which: int, indices: int) -> Function:
 
     def write(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
         if isinstance(compiler.result, VectorType):
-            count = vectors.count_of(compiler, values[-1])
-            workspace = vectors.workspace_of(compiler, values[-1])
-            out = vectors.new_vector(compiler, compiler.result.entry, count, workspace)
-            source = kinds[:1 + indices], values[:1 + indices], which
-            with short_loop(compiler.builder, count) as i:
-                entry = compiler.builder.load(_place_at(compiler, *source, i))
-                vectors.store_entry(compiler, compiler.result, out, i, entry)
-            return out
+            place_at = _place_at(compiler, kinds[:1 + indices], values[:1 + indices], which)
+            return _loaded(compiler, values[-1], place_at)
         places = _places(
             compiler, kinds[:1 + indices], values[:1 + indices], which, len(compiler.result)
         )
@@ -166,10 +172,10 @@ def _written(which: int, indices: int) -> Function:
         value_type = kinds[1 + indices]
         if isinstance(value_type, VectorType):
             vector = values[1 + indices]
-            target = kinds[:1 + indices], values[:1 + indices], which
+            place_at = _place_at(compiler, kinds[:1 + indices], values[:1 + indices], which)
             with short_loop(compiler.builder, vectors.count_of(compiler, vector)) as i:
                 entry = vectors.load_entry(compiler, value_type, vector, i)
-                compiler.builder.store(entry, _place_at(compiler, *target, i))
+                compiler.builder.store(entry, place_at(i))
             return compiler.context.get_dummy_value()
         count = len(value_type)
         places = _places(compiler, kinds[:1 + indices], values[:1 + indices], which, count)
@@ -201,20 +207,15 @@ def _type_of_vector(context: TypingContext, array: Type, as_many: Type) -> Type:
 def _to_vector(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     if is_array(kinds[1]):
         return compiler.run(_copy_of_first, kinds, values)
-    if isinstance(compiler.result, VectorType):
-        count = vectors.count_of(compiler, values[1])
-        workspace = vectors.workspace_of(compiler, values[1])
-        out = vectors.new_vector(compiler, compiler.result.entry, count, workspace)
-        source = (kinds[0], types.intp), (values[0], count.type(0)), 0
-        if kinds[0].layout == 'C':
-            place = _place_at(compiler, *source, count.type(0))
-            vectors.copy_entries(compiler, place, vectors.data_of(compiler, out), count)
-            return out
-        with short_loop(compiler.builder, count) as i:
-            entry = compiler.builder.load(_place_at(compiler, *source, i))
-            vectors.store_entry(compiler, compiler.result, out, i, entry)
-        return out
     first = compiler.context.get_constant(types.intp, 0)
+    if isinstance(compiler.result, VectorType):
+        place_at = _place_at(compiler, (kinds[0], types.intp), (values[0], first), 0)
+        if kinds[0].layout != 'C':
+            return _loaded(compiler, values[1], place_at)
+        out = vectors.new_vector_like(compiler, compiler.result.entry, values[1])
+        count, data = vectors.count_of(compiler, out), vectors.data_of(compiler, out)
+        vectors.copy_entries(compiler, place_at(first), data, count)
+        return out
     places = _places(
         compiler, (kinds[0], types.intp), (values[0], first), 0, len(compiler.result)
     )
@@ -258,8 +259,7 @@ def _changeable(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     if not isinstance(kinds[0], VectorType):
         return _on_stack(compiler, kinds[0], values[0])
     count = vectors.count_of(compiler, values[0])
-    workspace = vectors.workspace_of(compiler, values[0])
-    copy = vectors.data_of(compiler, vectors.new_vector(compiler, FLOAT, count, workspace))
+    copy = vectors.data_of(compiler, vectors.new_vector_like(compiler, FLOAT, values[0]))
     vectors.copy_entries(compiler, vectors.data_of(compiler, values[0]), copy, count)
     return array_over(compiler, VECTOR, copy, [count])
 

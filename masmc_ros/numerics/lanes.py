@@ -303,8 +303,22 @@ def _part_in_place(compiler: Compiler, kinds: Types, values: IrValues) -> IrValu
     kind, lane, name = kinds[0], values[0], kinds[1].literal_value
     first, count = (compiler.cast(values[k], kinds[k], types.intp) for k in (2, 3))
     place = _component(compiler, kind, lane, name, first)
+    return _components_at(compiler, kind, lane, name, place, count, is_shared=True)
+
+
+def _components_at(
+    compiler: Compiler,
+    kind: SizedLaneType,
+    lane: IrValue,
+    name: str,
+    place: IrValue,
+    count: IrValue,
+    *,
+    is_shared: bool,
+) -> IrValue:
+    """Return components of a field as a vector, which may share the memory of one lane."""
     workspace = kind.workspace(compiler, lane)
-    if kind.lanes == 1:
+    if kind.lanes == 1 and is_shared:
         return vectors.vector_over(compiler, place, count, workspace)
     vector = vectors.new_vector(compiler, kind.number(name), count, workspace)
     data = vectors.data_of(compiler, vector)
@@ -320,13 +334,8 @@ def _read_sized(
     first = _component(compiler, kind, value, name, 0)
     if not is_vector(kind.record, name):
         return builder.load(first)
-    count, workspace = _count(compiler, kind, value, name), kind.workspace(compiler, value)
-    if kind.lanes == 1 and kind.record.schema.is_constant:
-        return vectors.vector_over(compiler, first, count, workspace)
-    vector = vectors.new_vector(compiler, kind.number(name), count, workspace)
-    data = vectors.data_of(compiler, vector)
-    vectors.copy_entries(compiler, first, data, count, kind.lanes)
-    return vector
+    count, is_shared = _count(compiler, kind, value, name), kind.record.schema.is_constant
+    return _components_at(compiler, kind, value, name, first, count, is_shared=is_shared)
 
 
 @lower_setattr_generic(SizedLaneType)

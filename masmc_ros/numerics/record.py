@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from masmc_ros.numerics.aliases import Record, Records
+from masmc_ros.numerics.aliases import Flags, Record, Records
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.generated import (
     Builder,
@@ -34,14 +34,13 @@ from masmc_ros.numerics.sized_records import (
     CONSTANT,
     copy_numbers,
     copy_of_record,
+    has_layout,
     LAYOUT,
     numbers_of_record,
     SizedRecordType,
+    TAG,
     with_layout,
     write_layout,
-)
-from masmc_ros.numerics.sized_records import (
-    TAG as _TAG,
 )
 from numba import types
 from numba.core import cgutils
@@ -90,7 +89,7 @@ def record_type(
         for field in known.values()
     ]
     # Each tag is one byte at the end, so it does not move any number.
-    members += [(f'{name}{_TAG}{value}', 'i1') for name, value in (tags or {}).items()]
+    members += [(f'{name}{TAG}{value}', 'i1') for name, value in (tags or {}).items()]
     if AT_RUN_TIME not in sizes:
         return np.dtype(members, align=True)
     if is_constant:
@@ -119,7 +118,7 @@ def new_record(
 def uninitialised(count: int, template: Records) -> Records:
     """Return an array of records like those of another one, for compiled code that writes them."""
     records = np.empty(count, template.dtype)
-    if LAYOUT in (template.dtype.names or ()):
+    if has_layout(template.dtype):
         records[LAYOUT] = template[LAYOUT][0]
     return records
 
@@ -134,7 +133,7 @@ def fill(record: Records, name: str, value: ArrayLike, lane: int | None = None) 
 def take_over(record: Records, before: Records) -> None:
     """Copy the common fields of two records from the one before."""
     for name in record.dtype.names or ():
-        if _TAG not in name and name in (before.dtype.names or ()):
+        if TAG not in name and name in (before.dtype.names or ()):
             record[name] = before[name]
 
 
@@ -142,7 +141,7 @@ def tag_of(record: types.Record | SizedRecordType | np.dtype[np.void], name: str
     """Return the tag of this name; KeyError for a record without it."""
     names = record.fields if isinstance(record, types.Record) else record.names or ()
     for field in names:
-        if field.startswith(name + _TAG):
+        if field.startswith(name + TAG):
             return str(field[len(name) + 1:])
     raise KeyError(name)
 
@@ -223,8 +222,14 @@ def _copy_to(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     return compiler.context.get_dummy_value()
 
 
-def copy_lane(source: Record, target: Record, lane: int) -> None:
-    """Copy one lane of a record without tags into another one of the same type."""
+def copy_lane(
+    source: Record | Records, target: Record | Records, lane: int | Flags
+) -> None:
+    """
+    Copy one lane of a record without tags into another one of the same type.
+
+    In Python, flags (lanes) select several lanes, also of an array of records.
+    """
     for name in source.dtype.names or ():
         if name != LAYOUT:
             target[name][..., lane] = source[name][..., lane]

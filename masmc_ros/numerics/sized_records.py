@@ -119,13 +119,13 @@ def write_layout(records: Records) -> None:
     records[LAYOUT] = layout
 
 
-class SizedRecordType(types.Type):
-    """Type of a record with a layout."""
+class _TypeOfSchema(types.Type):
+    kind: str
 
     def __init__(self, schema: Schema) -> None:
         """Initialise the type for a schema."""
         self.schema = schema
-        super().__init__(f'SizedRecord({schema})')
+        super().__init__(f'{self.kind}({schema})')
 
     @property
     def key(self) -> Schema:
@@ -135,7 +135,13 @@ class SizedRecordType(types.Type):
     @property
     def mangling_args(self) -> tuple[str, tuple[int]]:
         """Return the short name of the type in symbols."""
-        return 'SizedRecord', (self.schema.checksum,)
+        return self.kind, (self.schema.checksum,)
+
+
+class SizedRecordType(_TypeOfSchema):
+    """Type of a record with a layout."""
+
+    kind = 'SizedRecord'
 
     @property
     def dtype(self) -> SizedRecordType:
@@ -152,23 +158,10 @@ class SizedRecordType(types.Type):
         return compiler.builder.extract_value(value, 2)
 
 
-class SizedRecordsType(types.Type):
+class SizedRecordsType(_TypeOfSchema):
     """Type of an array of records with a layout."""
 
-    def __init__(self, schema: Schema) -> None:
-        """Initialise the type for a schema."""
-        self.schema = schema
-        super().__init__(f'SizedRecords({schema})')
-
-    @property
-    def key(self) -> Schema:
-        """Return the identity of the type."""
-        return self.schema
-
-    @property
-    def mangling_args(self) -> tuple[str, tuple[int]]:
-        """Return the short name of the type in symbols."""
-        return 'SizedRecords', (self.schema.checksum,)
+    kind = 'SizedRecords'
 
 
 _TYPES: dict[int, SizedRecordsType] = {}
@@ -326,13 +319,8 @@ def copy_of_record(compiler: Compiler, value: IrValue, alignment: int) -> IrValu
 
 def copy_numbers(compiler: Compiler, source: IrValue, target: IrValue) -> None:
     """Copy all numbers and tags of a record into another one of the same type."""
-    build = compiler.builder
-    first = _of_layout(compiler, source, _FIRST)
-    size = build.sub(_of_layout(compiler, source, _SIZE), first)
-    source, target = (
-        build.gep(build.extract_value(record, 0), [first]) for record in (source, target)
-    )
-    cgutils.raw_memcpy(build, target, source, size, 1)
+    (data, count), (copy, _) = (numbers_of_record(compiler, record) for record in (source, target))
+    cgutils.raw_memcpy(compiler.builder, copy, data, count, 8)
 
 
 def numbers_of_record(compiler: Compiler, value: IrValue) -> tuple[IrValue, IrValue]:

@@ -163,19 +163,19 @@ def _elementwise_of_arrays(
 def _elementwise_of_sized(
     compiler: Compiler, function: Type, kinds: Types, values: IrValues
 ) -> IrValue:
+    result = compiler.result.entry
     first = next(
         value for kind, value in zip(kinds, values, strict=True) if isinstance(kind, VectorType)
     )
-    count, workspace = vectors.count_of(compiler, first), vectors.workspace_of(compiler, first)
-    out = vectors.new_vector(compiler, compiler.result.entry, count, workspace)
-    with short_loop(compiler.builder, count, is_vectorised=True) as i:
+
+    def entry_at(i: IrValue) -> IrValue:
         entries = [
             vectors.load_entry(compiler, kind, value, i) if isinstance(kind, VectorType) else value
             for kind, value in zip(kinds, values, strict=True)
         ]
-        entry = compiler.call(function, compiler.result.entry, _types_of_entry(kinds, 0), entries)
-        vectors.store_entry(compiler, compiler.result, out, i, entry)
-    return out
+        return compiler.call(function, result, _types_of_entry(kinds, 0), entries)
+
+    return vectors.vector_of_entries(compiler, result, first, entry_at, is_vectorised=True)
 
 
 def from_index(
@@ -219,14 +219,12 @@ def _from_index(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
 
 def _table_of_sized(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     function, _, argument = kinds
-    template, entry_kind = values[1], compiler.result.entry
-    count = vectors.count_of(compiler, template)
-    workspace = vectors.workspace_of(compiler, template)
-    out = vectors.new_vector(compiler, entry_kind, count, workspace)
-    with short_loop(compiler.builder, count) as i:
-        entry = compiler.call(function, entry_kind, (argument, types.intp), (values[2], i))
-        vectors.store_entry(compiler, compiler.result, out, i, entry)
-    return out
+    entry = compiler.result.entry
+
+    def entry_at(i: IrValue) -> IrValue:
+        return compiler.call(function, entry, (argument, types.intp), (values[2], i))
+
+    return vectors.vector_of_entries(compiler, entry, values[1], entry_at)
 
 
 def _rows_of_sized(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
@@ -345,14 +343,13 @@ def _unit(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     place = compiler.cast(values[1], kinds[1], types.intp)
     one, zero = compiler.number(1.0), compiler.number(0.0)
     if isinstance(kinds[0], VectorType):
-        count = vectors.count_of(compiler, values[0])
-        workspace = vectors.workspace_of(compiler, values[0])
-        out = vectors.new_vector(compiler, FLOAT, count, workspace)
-        with short_loop(compiler.builder, count) as k:
+
+
+        def entry_at(k: IrValue) -> IrValue:
             is_place = compiler.builder.icmp_signed('==', place, k)
-            entry = compiler.builder.select(is_place, one, zero)
-            vectors.store_entry(compiler, NUMBERS, out, k, entry)
-        return out
+            return compiler.builder.select(is_place, one, zero)
+
+        return vectors.vector_of_entries(compiler, FLOAT, values[0], entry_at)
     here = [compiler.context.get_constant(types.intp, j) for j in range(len(kinds[0]))]
     build = compiler.builder
     return compiler.tuple_of([
@@ -549,10 +546,7 @@ def _column(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
 
 
 def _column_sized(compiler: Compiler, kind: VectorType, rows: IrValue, i: int) -> IrValue:
-    count, workspace = vectors.count_of(compiler, rows), vectors.workspace_of(compiler, rows)
-    out = vectors.new_vector(compiler, compiler.result.entry, count, workspace)
-    with short_loop(compiler.builder, count) as k:
-        row = vectors.load_entry(compiler, kind, rows, k)
-        entry = compiler.builder.extract_value(row, i)
-        vectors.store_entry(compiler, compiler.result, out, k, entry)
-    return out
+    def entry_at(k: IrValue) -> IrValue:
+        return compiler.builder.extract_value(vectors.load_entry(compiler, kind, rows, k), i)
+
+    return vectors.vector_of_entries(compiler, compiler.result.entry, rows, entry_at)

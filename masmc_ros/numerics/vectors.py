@@ -16,7 +16,7 @@ so parts of a vector share its memory.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 import operator
 
@@ -281,6 +281,28 @@ def new_vector(
     return vector_over(compiler, data, count, workspace)
 
 
+def new_vector_like(compiler: Compiler, entry: Type, template: IrValue) -> IrValue:
+    """Return an uninitialised vector as long as another one, in the same workspace."""
+    count, workspace = count_of(compiler, template), workspace_of(compiler, template)
+    return new_vector(compiler, entry, count, workspace)
+
+
+def vector_of_entries(
+    compiler: Compiler,
+    entry: Type,
+    template: IrValue,
+    entry_at: Callable[[IrValue], IrValue],
+    *,
+    is_vectorised: bool = False,
+) -> IrValue:
+    """Return a vector as long as another one, whose entries a function returns by their index."""
+    out = new_vector_like(compiler, entry, template)
+    count = count_of(compiler, template)
+    with short_loop(compiler.builder, count, is_vectorised=is_vectorised) as i:
+        store_entry(compiler, VectorType(entry), out, i, entry_at(i))
+    return out
+
+
 def new_matrix(
     compiler: Compiler, rows: IrValue, columns: IrValue, workspace: IrValue
 ) -> IrValue:
@@ -397,24 +419,20 @@ class _Entry(AbstractTemplate):
         return signature(result, args[0], types.intp)
 
 
-def _are_vectors(args: Types) -> bool:
-    return all(isinstance(kind, VectorType) for kind in args) and args[0] == args[1]
+class _Comparison(AbstractTemplate):
+    def generic(self, args: Types, kws: object) -> Signature | None:
+        are_vectors = all(isinstance(kind, VectorType) for kind in args) and args[0] == args[1]
+        return signature(types.boolean, *args) if are_vectors else None
 
 
 @infer_global(operator.eq)
-class _Equal(AbstractTemplate):
+class _Equal(_Comparison):
     key = operator.eq
-
-    def generic(self, args: Types, kws: object) -> Signature | None:
-        return signature(types.boolean, *args) if _are_vectors(args) else None
 
 
 @infer_global(operator.ne)
-class _Different(AbstractTemplate):
+class _Different(_Comparison):
     key = operator.ne
-
-    def generic(self, args: Types, kws: object) -> Signature | None:
-        return signature(types.boolean, *args) if _are_vectors(args) else None
 
 
 @lower_builtin(len, VectorType)
