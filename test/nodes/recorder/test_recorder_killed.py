@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Recorders killed at random times lose at most a second of messages."""
+"""Recorders killed at random times lose at most 0.6 s of messages."""
 
 from __future__ import annotations
 
@@ -23,12 +23,8 @@ from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import JointState
 
 ROUNDS, AT_ONCE = 17, 3
-MAXIMUM_LOSS = 1.0
-"""
-Maximum robot time in s that a killed recorder may lose.
-
-It is the flush period, 0.2 s, and messages under way: up to 0.8 s on a machine that compiles.
-"""
+MAXIMUM_LOSS = 0.6
+"""Maximum robot time in s that a killed recorder may lose."""
 
 
 ROBOT = ros_arguments(
