@@ -103,8 +103,8 @@ def _percentiles(campaign: Campaign, columns: Columns, width: int) -> list[str]:
         if not len(known):
             continue
         # Observed values, as the mean of two of them may be infinite.
-        found = np.percentile(known, _PERCENTILES, method='nearest').tolist()
-        cells = (number(v) if math.isfinite(v) else 'does not' for v in found)
+        percentiles = np.percentile(known, _PERCENTILES, method='nearest').tolist()
+        cells = (number(v) if math.isfinite(v) else 'does not' for v in percentiles)
         body.append([label(column), *cells])
     return aligned([head, *body], (0,), rule=1, width=width) if body else []
 
@@ -130,11 +130,12 @@ def _correlations(
     known = np.isfinite(values)
     if known.sum() < 3:
         return []
-    found = {
+    correlations = {
         draw.name: _rank_correlation(columns[draw.name][known], values[known])
         for draw in campaign.draws
     }
-    body = [[name, f'{found[name]:.2f}'] for name in sorted(found, key=lambda n: -abs(found[n]))]
+    strongest_first = sorted(correlations, key=lambda name: -abs(correlations[name]))
+    body = [[name, f'{correlations[name]:.2f}'] for name in strongest_first]
     head = fill(f'rank correlation with {metric.head}, -1 to 1:', width)
     return [head, *aligned(body, (0,), width=width)]
 

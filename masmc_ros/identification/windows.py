@@ -181,9 +181,9 @@ def average_of_held(
         lagged = _filtered_backwards(lagged, float(grid[1] - grid[0]), lag)
     total = np.concatenate([[0.0], np.cumsum(0.5 * (lagged[1:] + lagged[:-1]))])
     total /= total[-1]
-    begin = np.searchsorted(times, windows.centres + grid[0] - delay, side='right') - 1
+    start = np.searchsorted(times, windows.centres + grid[0] - delay, side='right') - 1
     end = np.searchsorted(times, windows.centres + half - delay)
-    index = np.maximum(begin, 0)[:, None] + np.arange(int((end - begin).max()) + 1)
+    index = np.maximum(start, 0)[:, None] + np.arange(int((end - start).max()) + 1)
     edges = times[np.minimum(index, len(times) - 1)] + delay - windows.centres[:, None]
     edges = np.where(index < len(times), edges, half)
     reached = np.interp(edges, grid, total)

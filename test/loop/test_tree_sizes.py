@@ -76,7 +76,7 @@ def test_second_and_third_urdf_compile_nothing(tmp_path: Path) -> None:
     with event.install_recorder('numba:compile') as compilations:
         assert _signals(second).shape[1] == 2
         assert _signals(third).shape[1] == 4
-    compiled = {found.data['dispatcher'].py_func.__qualname__ for _, found in compilations.buffer}
+    compiled = {built.data['dispatcher'].py_func.__qualname__ for _, built in compilations.buffer}
     assert compiled == set()
 
 

@@ -34,12 +34,13 @@ def drawn(data: st.DataObject, count: int, numbers: st.SearchStrategy[float]) ->
 
 def damaged(data: st.DataObject, raw: bytes) -> bytes:
     """Return a message with some bytes changed, more of them, or fewer."""
-    found = bytearray(raw)
+    changed = bytearray(raw)
     for _ in range(data.draw(st.integers(0, 3))):
-        place = data.draw(st.integers(0, len(found) - 1))
-        found[place] = data.draw(st.integers(0, 255))
+        place = data.draw(st.integers(0, len(changed) - 1))
+        changed[place] = data.draw(st.integers(0, 255))
     cut = data.draw(st.sampled_from([0, 0, 0, 1, 8]))
-    return bytes(found[:-cut] if cut else found) + data.draw(st.sampled_from([b'', b'', b'\0']))
+    kept = changed[:-cut] if cut else changed
+    return bytes(kept) + data.draw(st.sampled_from([b'', b'', b'\0']))
 
 
 # Joint states.

@@ -299,6 +299,7 @@ def test_live_asset_only_meshes_of_robot_sent(tmp_path: Path) -> None:
             assert client.asset(f'file://{tmp_path}/other.stl') is None
 
 
+@pytest.mark.slow
 def test_live_too_many_viewers_first_ones_served(tmp_path: Path) -> None:
     """A viewer beyond the limit gets the reason, and all messages after another disconnects."""
     with processes(tmp_path) as started, peer(started.domain) as tester:

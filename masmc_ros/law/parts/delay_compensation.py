@@ -288,12 +288,12 @@ def _mean_torque(
     total, until = elementwise(zero, template), end
     for i in range(HISTORY):
         row = (newest - i) & (HISTORY - 1)
-        begin = starts[row]
-        begin = start if (begin < start) | (i == HISTORY - 1) else begin
-        if begin < until:
+        since = starts[row]
+        since = start if (since < start) | (i == HISTORY - 1) else since
+        if since < until:
             torque = read_along(torques, row * count, template)
-            total = elementwise(_added, total, torque, (until - begin) / (end - start))
-            until = begin
+            total = elementwise(_added, total, torque, (until - since) / (end - start))
+            until = since
         if until <= start:
             break
     return total
@@ -355,10 +355,10 @@ def _advanced(
     steps = max(1, math.ceil((end - start) / LONGEST_STEP - 1.0e-6))
     h = (end - start) / steps
     for step in range(steps):
-        begin = start + step * h
-        torque = _mean_torque(memory, begin, begin + h, rates)
+        time = start + step * h
+        torque = _mean_torque(memory, time, time + h, rates)
         # d is the mean acceleration of the period after the last measured state.
-        ahead = max(0.0, (begin + 0.5 * h - now) / period - 0.5)
+        ahead = max(0.0, (time + 0.5 * h - now) / period - 0.5)
         extra = mechanism.joint_rates(model, elementwise(moved, d, slope, ahead))
         v_1, a_1 = _derivative(model, theta, position, rates, torque, extra)
         position = elementwise(moved, position, v_1, h)

@@ -215,21 +215,21 @@ def damped_time_of(model: TreeModel) -> float:
 
 
 @formula
-def _body_begins(model: TreeModel, body: int) -> int:
+def _body_start(model: TreeModel, body: int) -> int:
     return AXES + len(model.axes) + _BODY * body
 
 
 @formula
 def parent_of(model: TreeModel, body: int) -> int:
     """Return the number of the parent of a body."""
-    return int(model.numbers[_body_begins(model, body)])
+    return int(model.numbers[_body_start(model, body)])
 
 
 @formula
 def joint_of(model: TreeModel, body: int) -> tuple[bool, Vector, Vector]:
-    """Return if a body's joint turns, its axis and the body's origin in the parent's frame."""
+    """Return whether a body's joint is revolute, its axis, and the body's origin in its parent."""
     numbers = model.numbers
-    first = _body_begins(model, body)
+    first = _body_start(model, body)
     axis: Vector = read_along(numbers, first + 2, VECTOR)
     offset: Vector = read_along(numbers, first + 32, VECTOR)
     return numbers[first + 1] == REVOLUTE, axis, offset
@@ -239,7 +239,7 @@ def joint_of(model: TreeModel, body: int) -> tuple[bool, Vector, Vector]:
 def rotation_of_joint(model: TreeModel, body: int, sine: float, cosine: float) -> Rotation:
     """Return a body's rotation in its parent's frame, of sine and cosine of the joint's angle."""
     numbers = model.numbers
-    first = _body_begins(model, body) + 5
+    first = _body_start(model, body) + 5
     around: Rotation = read_along(numbers, first, ROTATION)
     along: Rotation = read_along(numbers, first + 9, ROTATION)
     across: Rotation = read_along(numbers, first + 18, ROTATION)
@@ -257,7 +257,7 @@ def _turned_entry(
 def _after_bodies(model: TreeModel) -> tuple[int, int, int]:
     """Return the start of the mobility, the number of velocities, and that of the base's."""
     bodies, base = bodies_of(model), base_of(model)
-    return _body_begins(model, bodies), base + bodies - 1, base
+    return _body_start(model, bodies), base + bodies - 1, base
 
 
 @formula

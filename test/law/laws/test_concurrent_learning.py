@@ -148,6 +148,7 @@ def errors_after_excitation(law: str) -> tuple[Array, Array]:
     return wrong[0], wrong[1]
 
 
+@pytest.mark.slow
 def test_concurrent_learning_excitation_ends_still_converges() -> None:
     """At rest rasmc keeps its parameter errors; the recorded data removes them."""
     recorded, tracked = errors_after_excitation(LAW), errors_after_excitation('rasmc')

@@ -167,10 +167,10 @@ def _of_joints(axes: Sequence[Quantity], first: int, end: int) -> list[_Part]:
     """Return neighbours of the same unit."""
     changes = [i for i in range(first + 1, end) if axes[i].unit != axes[i - 1].unit]
     numbers = []
-    for begin, stop in zip((first, *changes), (*changes, end), strict=True):
-        name = f'{axes[begin].name} to {axes[stop - 1].name}'
-        name = axes[begin].name if stop == begin + 1 else name if changes else JOINTS
-        numbers.append(_Part(name, begin, stop - begin, axes[begin].unit))
+    for start, stop in zip((first, *changes), (*changes, end), strict=True):
+        name = f'{axes[start].name} to {axes[stop - 1].name}'
+        name = axes[start].name if stop == start + 1 else name if changes else JOINTS
+        numbers.append(_Part(name, start, stop - start, axes[start].unit))
     return numbers
 
 
