@@ -45,6 +45,7 @@ LONG = (
     'loop/test_latency.py',
     'loop/test_tree_run.py',
     'campaign/test_cluster.py',
+    'loop/test_tree_sizes.py',
     'loop/test_tree_tasks.py',
     'loop/test_hybrid_interface.py',
     'nodes/test_hostile_input.py',

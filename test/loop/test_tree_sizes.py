@@ -63,6 +63,7 @@ def _signals(path: Path, *settings: str) -> np.ndarray:
     return torque
 
 
+@pytest.mark.slow
 def test_second_and_third_urdf_compile_nothing(tmp_path: Path) -> None:
     """Robots with other numbers of joints, axes, bodies and wheels run the same compiled code."""
     first = write_scenario(tmp_path, hand_at_start(), 0.02)
@@ -80,6 +81,7 @@ def test_second_and_third_urdf_compile_nothing(tmp_path: Path) -> None:
     assert compiled == set()
 
 
+@pytest.mark.slow
 def test_robot_of_another_size_in_one_process_has_same_bits(tmp_path: Path) -> None:
     """A run is bitwise identical before and after a run of a robot of another size."""
     first = write_scenario(tmp_path, hand_at_start(), 0.02)
@@ -88,6 +90,7 @@ def test_robot_of_another_size_in_one_process_has_same_bits(tmp_path: Path) -> N
     assert np.array_equal(_signals(first), before)
 
 
+@pytest.mark.slow
 def test_law_in_plain_python_on_a_tree_has_dense_matrices(tmp_path: Path) -> None:
     """Kernels write matrices of sizes at run time into arrays of the caller."""
     path = write_scenario(tmp_path, hand_at_start(), 0.02)
