@@ -32,6 +32,9 @@ _SOLID = 4
 _DASHES = 'dash', 'dot', 'dashdot'
 """Dashes of further lines."""
 
+_LOWEST = 2.0
+"""Percentile of a line at the start of a logarithmic axis, above zero crossings and starts."""
+
 _Vectors = tuple[Array, Array]
 """Times and vectors (n, m)."""
 
@@ -70,6 +73,17 @@ class Panel(NamedTuple):
     title: str
     quantity: str
     lines: list[Line]
+
+
+def logarithmic_range(panel: Panel) -> tuple[float, float] | None:
+    """Return the ends of a logarithmic axis for a panel; None if it has no positive values."""
+    lows, highs = [], []
+    for line in panel.lines:
+        positive = line.y[np.isfinite(line.y) & (line.y > 0.0)]
+        if len(positive):
+            lows.append(float(np.percentile(positive, _LOWEST)))
+            highs.append(float(positive.max()))
+    return (0.7 * min(lows), 1.4 * max(highs)) if lows else None
 
 
 def lines(names: Sequence[str], times: Array, values: Array) -> list[Line]:
@@ -140,12 +154,12 @@ def _subjects(compared: Sequence[Compared]) -> Iterator[_Subject]:
     kinds = tuple(dict.fromkeys(entry.run.mechanism for entry in compared))
     for point in dict.fromkeys(point for kind in kinds for point in kind.points):
         quantity = f'<i>|e<sub>{point.symbol}</sub>|</i> ({point.small_unit})'
-        yield f'Tracking error, {point.name}', quantity, partial(Compared.errors, point=point)
+        yield f'Tracking error of {point.title}', quantity, partial(Compared.errors, point=point)
     if not all(entry.run.commands_rates for entry in compared):
         for group in dict.fromkeys(group for kind in kinds for group in kind.groups):
             owners = [kind for kind in kinds if group in kind.groups]
             vectors = partial(_columns, owners, 'torque', group.joints)
-            yield f'Torques commanded, {group.name}', '<i>|τ|</i> (N·m)', vectors
+            yield f'Commanded torques, {group.name}', '<i>|τ|</i> (N·m)', vectors
         return
     for kind in kinds:
         turns = [i for i, velocity in enumerate(kind.twist) if velocity.unit == 'rad/s']
@@ -154,8 +168,8 @@ def _subjects(compared: Sequence[Compared]) -> Iterator[_Subject]:
         rates = '<i>|ω|</i> (rad/s)'
         of_base = rates if turns else '<i>|v|</i> (m/s)'
         own = partial(_columns, [kind], 'arm_rates', slice(None))
-        yield f'Velocity commanded, {names}', of_base, partial(_columns, [kind], 'cmd_vel', chosen)
-        yield f'Rates commanded, {kind.groups[-1].name}', rates, own
+        yield f'Commanded {names}', of_base, partial(_columns, [kind], 'cmd_vel', chosen)
+        yield f'Commanded rates, {kind.groups[-1].name}', rates, own
 
 
 def _columns(

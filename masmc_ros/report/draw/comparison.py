@@ -11,10 +11,8 @@ import math
 from masmc_ros.report.draw.style import draw_line, mathtext, new_figure, PAGE, time_axis
 from masmc_ros.report.measure.metrics import total_variation
 from masmc_ros.report.measure.tracking import Compared
-from masmc_ros.report.panels import comparison_panels
-from matplotlib.axes import Axes
+from masmc_ros.report.panels import comparison_panels, logarithmic_range
 from matplotlib.figure import Figure
-import numpy as np
 
 _PANELS = 100.0
 _LEGEND_ROW = 4.5
@@ -22,8 +20,6 @@ _LEGEND_WIDTH = 120
 """Characters that fit into a row of the legend, with its lines."""
 _LINE = 8
 """Width of a line of the legend in characters."""
-_LOWEST = 2.0
-"""Percentile of the values at the start of a logarithmic axis, above zero crossings."""
 
 
 def comparison_figure(compared: Sequence[Compared]) -> Figure:
@@ -49,7 +45,10 @@ def comparison_figure(compared: Sequence[Compared]) -> Figure:
     for axes, panel in zip(drawn, panels, strict=True):
         axes.set_title(panel.title)
         axes.set_ylabel(mathtext(panel.quantity))
-        _scale(axes)
+        ends = logarithmic_range(panel)
+        if ends is not None:
+            axes.set_yscale('log')
+            axes.set_ylim(ends)
         time_axis(axes)
     lines = [drawn[0].get_lines()[order.index(i)] for i in indices]
     legend = figure.add_subplot(layout[0, :])
@@ -57,20 +56,3 @@ def comparison_figure(compared: Sequence[Compared]) -> Figure:
     legend.legend(handles=lines, loc='center', ncols=columns)
     figure.align_ylabels()
     return figure
-
-
-def _scale(axes: Axes) -> None:
-    """
-    Make the axis logarithmic, from the low percentile _LOWEST of the smallest line.
-
-    An axis without positive values stays linear.
-    """
-    lowest = []
-    for line in axes.get_lines():
-        values = np.asarray(line.get_ydata())
-        values = values[np.isfinite(values) & (values > 0.0)]
-        if len(values):
-            lowest.append(float(np.percentile(values, _LOWEST)))
-    if lowest:
-        axes.set_yscale('log')
-        axes.set_ylim(bottom=0.7 * min(lowest))

@@ -101,9 +101,9 @@ def _shown(run: Run, tracked: Tracking) -> Iterator[Panel]:
     if run.commands_rates or len(run.cmd_vel):
         yield from _velocities(run)
     drives = [joint.label for joint in mechanism.joints]
-    title, drawn = 'Torques applied', lines(drives, run.times - start, run.applied_effort)
+    title, drawn = 'Applied torques', lines(drives, run.times - start, run.applied_effort)
     if len(run.torque):
-        title, drawn = 'Torques commanded', lines(
+        title, drawn = 'Commanded torques', lines(
             drives, run.torque.times - start, run.torque.values
         )
         drawn += _raw_torques(run)
@@ -175,5 +175,5 @@ def _velocities(run: Run) -> Iterator[Panel]:
     ]
     speeds = [line for unit, line in drawn if unit == 'm/s']
     rates = [line for unit, line in drawn if unit != 'm/s']
-    yield Panel('speed', 'Speed commanded', 'speed (m/s)', speeds)
-    yield Panel('rates', 'Rates commanded', 'rate (rad/s)', rates)
+    yield Panel('speed', 'Commanded speed', 'speed (m/s)', speeds)
+    yield Panel('rates', 'Commanded rates', 'rate (rad/s)', rates)

@@ -8,11 +8,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from html import escape
 from itertools import groupby
+import math
 
 from masmc_ros.numerics.aliases import Array
 from masmc_ros.report.measure.parameters import Change, change_texts
 from masmc_ros.report.page.packed_samples import packed_signal
-from masmc_ros.report.panels import INK, Panel
+from masmc_ros.report.panels import INK, logarithmic_range, Panel
 import plotly.graph_objects as go
 
 _NAMED = 8
@@ -54,7 +55,9 @@ def time_plot(
     figure = panel_plot(panel, 'time (s)', packed_signal)
     figure.update_xaxes(range=list(span))
     if is_logarithmic:
-        figure.update_yaxes(type='log', dtick=1, tickformat='~g')
+        ends = logarithmic_range(panel)
+        decades = None if ends is None else [math.log10(end) for end in ends]
+        figure.update_yaxes(type='log', dtick=1, tickformat='~g', range=decades)
     if changes:
         _mark(figure, changes)
     return figure
