@@ -32,6 +32,7 @@ from masmc_ros.numerics.aliases import AnyArray, Record
 from masmc_ros.numerics.compiled import Formula, interpreted, is_interpreted, machine_code
 from masmc_ros.numerics.generated import is_generated
 from masmc_ros.numerics.lanes import Lane, lane_of
+from masmc_ros.numerics.sources import files_of
 from masmc_ros.robot import mechanism as formulas
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.robot import Robot
@@ -120,7 +121,10 @@ def check(law: Law, mechanism: Mechanism, switching: str) -> None:
     if is_interpreted(control_tick):
         return
     tags = records.law_tag(law), mechanism.tag, switching if law.uses_switching else ''
-    note = machine_code('dry', *tags)
+    sources = files_of(law.formulas) | files_of(mechanism.formulas)
+    if law.uses_switching:
+        sources |= files_of(REACHING[switching].formulas)
+    note = machine_code('dry', sources, *tags)
     if not note.exists():
         run_dry(law, mechanism, switching)
         with suppress(OSError):
