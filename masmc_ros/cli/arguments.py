@@ -6,10 +6,14 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 import sys
-from typing import Any, NoReturn
+from typing import NoReturn, TYPE_CHECKING
 
 from masmc_ros.errors import suggestion
+
+if TYPE_CHECKING:
+    from _typeshed import SupportsWrite
 
 
 class Parser(argparse.ArgumentParser):
@@ -20,7 +24,9 @@ class Parser(argparse.ArgumentParser):
         see = ' See' if message.endswith('?') else '; see'
         self.exit(2, f'{self.prog}: {message}{see} {self.prog} --help\n')
 
-    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+    def parse_known_args(  # type: ignore[override]  # the library has an overload per namespace
+        self, args: Sequence[str] | None = None, namespace: argparse.Namespace | None = None
+    ) -> tuple[argparse.Namespace, list[str]]:
         """Parse; report the first unknown argument."""
         options, unknown = super().parse_known_args(args, namespace)
         if unknown:
@@ -34,7 +40,7 @@ class Parser(argparse.ArgumentParser):
             hint = suggestion(str(value), map(str, action.choices))
             raise argparse.ArgumentError(action, f"'{value}' is unknown; {hint}")
 
-    def _print_message(self, message: str, file: Any = None) -> None:
+    def _print_message(self, message: str, file: SupportsWrite[str] | None = None) -> None:
         """Print; unlike the library, raise the error if that fails."""
         print(message, end='', file=file or sys.stderr)
 
