@@ -8,12 +8,9 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 import sys
-from typing import NoReturn, TYPE_CHECKING
+from typing import Any, NoReturn
 
 from masmc_ros.errors import suggestion
-
-if TYPE_CHECKING:
-    from _typeshed import SupportsWrite
 
 
 class Parser(argparse.ArgumentParser):
@@ -40,7 +37,7 @@ class Parser(argparse.ArgumentParser):
             hint = suggestion(str(value), map(str, action.choices))
             raise argparse.ArgumentError(action, f"'{value}' is unknown; {hint}")
 
-    def _print_message(self, message: str, file: SupportsWrite[str] | None = None) -> None:
+    def _print_message(self, message: str, file: Any = None) -> None:
         """Print; unlike the library, raise the error if that fails."""
         print(message, end='', file=file or sys.stderr)
 

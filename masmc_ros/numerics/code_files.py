@@ -19,8 +19,8 @@ import os
 from pathlib import Path
 import pickle
 import tempfile
-from typing import Any
 
+from masmc_ros.numerics.generated import Types
 from numba.core.serialize import dumps
 
 _DAMAGED = (
@@ -37,14 +37,14 @@ _DAMAGED = (
 _VERSIONS = 3
 """Number of kept files of a signature for different sources, such as those of two branches."""
 
-_Key = tuple[Any, ...]
+Key = tuple[Types, object, object]
 """Key of Numba: types of the arguments, the machine and the code of the function."""
 
 
 class CodeFiles:
     """Code files of one function, in place of Numba's `IndexDataCacheFile`."""
 
-    def __init__(self, folder: str, name: str, sources: Callable[[_Key], str]) -> None:
+    def __init__(self, folder: str, name: str, sources: Callable[[Key], str]) -> None:
         """
         Initialise the files of a function.
 
@@ -60,7 +60,7 @@ class CodeFiles:
         """
         self._folder, self._name, self._sources = Path(folder), name, sources
 
-    def load(self, key: _Key) -> object:
+    def load(self, key: Key) -> object:
         """Return the data saved under a key; None if there is none or the file is damaged."""
         try:
             sources, signature, data = pickle.loads(self.path(key).read_bytes())
@@ -68,7 +68,7 @@ class CodeFiles:
             return None
         return data if sources == self._sources(key) and signature == key else None
 
-    def save(self, key: _Key, data: object) -> None:
+    def save(self, key: Key, data: object) -> None:
         """Save data under a key, and delete the oldest files of other sources."""
         content = dumps((self._sources(key), key, data))
         # A concurrent reader gets the previous file or this one, both complete.
@@ -90,11 +90,11 @@ class CodeFiles:
         for path in self._folder.glob(f'{self._name}.*.nbc'):
             path.unlink(missing_ok=True)
 
-    def _signature(self, key: _Key) -> str:
+    def _signature(self, key: Key) -> str:
         """Return the name of the files of a key, without the digest of its sources."""
         return f'{self._name}.{hashlib.sha256(str(key).encode()).hexdigest()[:32]}'
 
-    def path(self, key: _Key) -> Path:
+    def path(self, key: Key) -> Path:
         """Return the path of the file of a key."""
         return self._folder / f'{self._signature(key)}.{self._sources(key)}.nbc'
 

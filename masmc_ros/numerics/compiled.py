@@ -32,7 +32,7 @@ from typing import Any, cast
 
 from masmc_ros.errors import UserError
 from masmc_ros.numerics.aliases import AnyFunction, Function
-from masmc_ros.numerics.code_files import CodeFiles
+from masmc_ros.numerics.code_files import CodeFiles, Key
 from masmc_ros.numerics.compiler_errors import COMPILER_ERRORS, explained
 from masmc_ros.numerics.sized_records import has_sized_records, type_of
 from masmc_ros.numerics.sources import digest, files_of_types, remember
@@ -245,11 +245,12 @@ def _code_files(kernel: Function) -> CodeFiles:
     return files
 
 
-def _code_key(kernel: Function, arguments: tuple[object, ...]) -> tuple[object, ...]:
+def _code_key(kernel: Function, arguments: tuple[object, ...]) -> Key:
     """Return the key under which Numba keeps the code for the types of arguments."""
     dispatcher = cast(Kernel, kernel)
     codegen = dispatcher.targetctx.codegen()
-    return dispatcher._cache._index_key(tuple(map(type_of, arguments)), codegen)
+    key: Key = dispatcher._cache._index_key(tuple(map(type_of, arguments)), codegen)
+    return key
 
 
 def _compile(function: Function, **options: Any) -> Any:
@@ -262,14 +263,31 @@ def _compile(function: Function, **options: Any) -> Any:
     finally:
         _settings.CACHE_DIR = previous
     if not _settings.DISABLE_JIT:
-        cache, file = compiled._cache, function.__code__.co_filename
-        remember(file, cache._impl.locator.get_source_stamp)
+        _replace_files(compiled, function.__code__.co_filename)
+    return compiled
+
+
+def _replace_files(compiled: Any, source: str) -> None:
+    """
+    Replace Numba's files of compiled code.
+
+    Numba has no public way to do so. Its own files mix the code of processes that compile at
+    once, and it keeps outdated code if an inlined function changes.
+    """
+    try:
+        cache = compiled._cache
+        remember(source, cache._impl.locator.get_source_stamp)
         cache._cache_file = CodeFiles(
             cache.cache_path,
             cache._impl.filename_base,
-            lambda key: digest({file, *files_of_types(key[0])}),
+            lambda key: digest({source, *files_of_types(key[0])}),
         )
-    return compiled
+    except AttributeError as error:
+        oldest = '.'.join(map(str, OLDEST_NUMBA))
+        raise UserError(
+            f'numba {numba_version} is not supported ({error}): expected {oldest} or later, below '
+            "0.69; pip install 'numba<0.69'"
+        ) from error
 
 
 def machine_code(name: str, sources: Iterable[str], *contents: str) -> Path:

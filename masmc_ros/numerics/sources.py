@@ -86,9 +86,13 @@ def digest(roots: Iterable[str]) -> str:
 def _digest(roots: frozenset[str]) -> str:
     whole = hashlib.sha256(numba_version.encode())
     for path in sorted(closure(roots)):
-        content = f'{path} {len(_contents[path])} {_contents[path]}'
-        whole.update(content.encode())
+        whole.update(path.encode() + _hash(path))
     return whole.hexdigest()[:16]
+
+
+@cache
+def _hash(path: str) -> bytes:
+    return hashlib.sha256(_contents[path].encode()).digest()
 
 
 def closure(roots: Iterable[str]) -> set[str]:

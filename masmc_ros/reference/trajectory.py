@@ -105,12 +105,11 @@ def load(name: str) -> type[Reference]:
     if name in BUILT_IN:
         return BUILT_IN[name]
     reference: type[Reference] = load_plug_in(ENTRY_POINTS, 'type', name)
-    for part in ('parameters', 'sample'):
-        if not isinstance(reference, type) or not hasattr(reference, part):
-            raise InputError(
-                f'type = {name}: {_place(reference)}: {getattr(reference, "__name__", reference)} '
-                f'has no {part!r}; expected a class as in reference/reference.py'
-            )
+    if not isinstance(reference, type) or not hasattr(reference, 'parameters'):
+        raise InputError(
+            f'type = {name}: {_place(reference)}: {getattr(reference, "__name__", reference)} has '
+            "no 'parameters'; expected a class as in reference/reference.py"
+        )
     return reference
 
 

@@ -62,7 +62,7 @@ MISTAKES = {
     'result of another length': ('return amplitude * s, ', 'return ', 'not enough values'),
     'index out of range': ('out[k, 8] = v, a', 'out[k, 12] = v, a', 'out of bounds'),
     'vectors of different lengths': ('length=4', 'length=3', 'swing.at'),
-    'no sample': ('def sample(', 'def sampled(', "Swing has no 'sample'; expected a class"),
+    'no sample': ('def sample(', 'def sampled(', "object has no attribute 'sample'"),
     'no parameters': ('    parameters =', '    parameter =', "Swing has no 'parameters'"),
     'syntax': ('return samples(', 'return samples((', "'(' was never closed in:"),
     'other axes': ("'y_F'", "'z_F'", 'the task axes of two_link'),
