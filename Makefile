@@ -63,7 +63,7 @@ test-pages: $(VENV)/.installed-all
 OLDEST := .venv-oldest
 OLDEST_TESTS := $(addprefix test/,numerics/test_portable_math.py robot/test_kinematics.py \
 	robot/test_dynamics.py robot/test_tree_dynamics.py law/test_implicit.py numerics/test_scratch.py \
-	numerics/test_code_files.py params/test_params_declaration.py loop/test_same_bits.py \
+	numerics/test_code_files.py numerics/test_sources.py params/test_params_declaration.py loop/test_same_bits.py \
 	messages/test_compiled_messages.py)
 test-oldest:
 	@$${PYTHON:-python3.12} -m venv $(OLDEST)

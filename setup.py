@@ -59,7 +59,7 @@ setup(
         'matplotlib',
         'mcap',
         'mcap-ros2-support',
-        'numba>=0.58',
+        'numba>=0.58,<0.69',
         'numpy>=1.26',
         'plotly>=6',
         'PyYAML',

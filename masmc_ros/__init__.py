@@ -4,7 +4,6 @@
 """Robust adaptive sliding mode control of mobile manipulators for ROS 2."""
 
 from importlib import import_module
-from typing import Any
 
 __version__ = '0.1.0'
 
@@ -22,7 +21,7 @@ _INTERFACE = {
 """Functions of the Python interface and their modules, imported on demand: nodes start without."""
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
     """Return a function of the Python interface."""
     if name not in _INTERFACE:
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')

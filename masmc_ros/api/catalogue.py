@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 from masmc_ros.api.scenario import load
 from masmc_ros.law import registry
@@ -26,7 +26,7 @@ def laws() -> dict[str, str]:
     return {n: law.summary if isinstance(law, Law) else 'plain Python' for n, law in known.items()}
 
 
-def load_robot(source: str, **values: Any) -> Robot:
+def load_robot(source: str, **values: object) -> Robot:
     """
     Return a robot.
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 import math
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from masmc_ros.api.scenario import load, Scenario
 from masmc_ros.campaign.campaign import Campaign, campaign_of
@@ -45,7 +45,9 @@ _RUNS = 2**40
 
 _SEEDS = 2**32
 
-Infos = dict[int, dict[str, Any]]
+_Number = TypeVar('_Number', bound=np.generic)
+
+Infos = dict[int, dict[str, object]]
 """Information by the number of the robot."""
 
 
@@ -293,7 +295,7 @@ class Episodes:
         scenario['plant'] = {**plant, 'seed': (plant['seed'] + seed) % _SEEDS}
         return replace(self._campaign, seed=seed, scenario=scenario)
 
-    def _row(self, robot: int, *, is_lost: bool) -> dict[str, Any]:
+    def _row(self, robot: int, *, is_lost: bool) -> dict[str, object]:
         """Return the row of a campaign for the episode that has ended."""
         block, lane = self._blocks[robot // self._lanes], robot % self._lanes
         metrics = metrics_of_lane(block.reduced[0], lane, self._window, block.mechanism)
@@ -335,7 +337,7 @@ class Episodes:
     def _numbered_blocks(self) -> list[tuple[DrivenRobots, int]]:
         return [(block, i * self._lanes) for i, block in enumerate(self._blocks)]
 
-    def _padded(self, values: NDArray[Any]) -> NDArray[Any]:
+    def _padded(self, values: NDArray[_Number]) -> NDArray[_Number]:
         """Return an array of robots with zeros for the unused lanes of a block."""
         missing = self._lanes - len(values)
         if not missing:
@@ -365,7 +367,7 @@ def _check_variable(variable: Variable) -> None:
         )
 
 
-def _checked_timing(plant: Mapping[str, Any]) -> Timing:
+def _checked_timing(plant: Values) -> Timing:
     """Return the control grid; raise InputError for a plant that torques cannot drive."""
     if plant['physics'] != RIGID:
         raise InputError(f'plant.physics = {plant["physics"]}: expected {RIGID} for episodes')
@@ -400,7 +402,7 @@ def _entries(mechanism: Mechanism) -> tuple[Entry, ...]:
 
 
 def _action_limit(
-    limit: float | Sequence[float] | None, scenario: Mapping[str, Any], mechanism: Mechanism
+    limit: float | Sequence[float] | None, scenario: Values, mechanism: Mechanism
 ) -> Array:
     """
     Return the largest torques (joints) in N·m.

@@ -19,9 +19,8 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from masmc_ros.api.episodes import Episodes, Infos
 from masmc_ros.api.scenario import Scenario
-from masmc_ros.numerics.aliases import Array, Flags
+from masmc_ros.numerics.aliases import AnyArray, Array, Flags
 import numpy as np
-from numpy.typing import NDArray
 
 ENVIRONMENT = 'masmc/MobileManipulator-v0'
 """Name of the environment."""
@@ -39,7 +38,7 @@ class MobileManipulator(Env[Array, Array]):
     """
 
     # Gymnasium declares no class variable.
-    metadata: dict[str, Any] = {'render_modes': []}  # noqa: RUF012
+    metadata: dict[str, object] = {'render_modes': []}  # noqa: RUF012
 
     def __init__(self, scenario: str | Scenario = 'paper', **options: Any) -> None:
         """Initialise the environment; see `Episodes` for the options and errors."""
@@ -47,14 +46,14 @@ class MobileManipulator(Env[Array, Array]):
         self.observation_space, self.action_space = _spaces(self.episodes)
 
     def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Array, dict[str, Any]]:
+        self, *, seed: int | None = None, options: dict[str, object] | None = None
+    ) -> tuple[Array, dict[str, object]]:
         """Start the next episode; with a seed the first one of it."""
         super().reset(seed=seed)
         observations, infos = _reset(self, seed)
         return observations[0], infos[0]
 
-    def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+    def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, object]]:
         """Hold torques (joints) in N·m for one control period."""
         done = self.episodes.step(np.asarray(action)[None])
         return (
@@ -66,7 +65,7 @@ class MobileManipulator(Env[Array, Array]):
         )
 
 
-class MobileManipulators(VectorEnv[Array, Array, NDArray[Any]]):
+class MobileManipulators(VectorEnv[Array, Array, AnyArray]):
     """
     Several robots, computed side by side.
 
@@ -78,7 +77,7 @@ class MobileManipulators(VectorEnv[Array, Array, NDArray[Any]]):
     """
 
     # Gymnasium declares no class variable.
-    metadata: dict[str, Any] = {  # noqa: RUF012
+    metadata: dict[str, object] = {  # noqa: RUF012
         'render_modes': [],
         'autoreset_mode': AutoresetMode.NEXT_STEP,
     }
@@ -97,21 +96,21 @@ class MobileManipulators(VectorEnv[Array, Array, NDArray[Any]]):
         self,
         *,
         seed: int | Sequence[int] | None = None,
-        options: dict[str, Any] | None = None,
-    ) -> tuple[Array, dict[str, Any]]:
+        options: dict[str, object] | None = None,
+    ) -> tuple[Array, dict[str, object]]:
         """Start the next episode of all robots; with a seed the first ones of it."""
         super().reset(seed=seed if isinstance(seed, int) else None)
         observations, infos = _reset(self, seed)
         return observations, self._together(infos)
 
-    def step(self, actions: Array) -> tuple[Array, Array, Flags, Flags, dict[str, Any]]:
+    def step(self, actions: Array) -> tuple[Array, Array, Flags, Flags, dict[str, object]]:
         """Hold torques (robots, joints) in N·m for one control period; see `Episodes.step`."""
         done = self.episodes.step(actions)
         infos = self._together(done.infos)
         return done.observation, done.reward, done.terminated, done.truncated, infos
 
-    def _together(self, infos: Mapping[int, dict[str, Any]]) -> dict[str, Any]:
-        together: dict[str, Any] = {}
+    def _together(self, infos: Mapping[int, dict[str, object]]) -> dict[str, object]:
+        together: dict[str, object] = {}
         for robot, info in infos.items():
             together = self._add_info(together, info, robot)
         return together

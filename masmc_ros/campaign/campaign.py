@@ -12,7 +12,6 @@ import hashlib
 import json
 import math
 import shlex
-from typing import Any
 
 from masmc_ros import __version__
 from masmc_ros.campaign.axes import Axis
@@ -263,7 +262,7 @@ def _check(variable: Variable, scenario: Scenario, value: object, place: str) ->
         raise InputError(f'{place}: {error}') from None
 
 
-def _laws(campaign: Campaign) -> list[Any]:
+def _laws(campaign: Campaign) -> list[str]:
     """Return the names of all laws of a campaign."""
     varied = [axis.values for axis in campaign.axes if axis.name == 'controller.law']
     return list(*varied) or [campaign.scenario['controller']['law']]

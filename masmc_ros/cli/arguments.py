@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 import sys
 from typing import Any, NoReturn
 
@@ -20,7 +21,9 @@ class Parser(argparse.ArgumentParser):
         see = ' See' if message.endswith('?') else '; see'
         self.exit(2, f'{self.prog}: {message}{see} {self.prog} --help\n')
 
-    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+    def parse_known_args(  # type: ignore[override]  # the library has an overload per namespace
+        self, args: Sequence[str] | None = None, namespace: argparse.Namespace | None = None
+    ) -> tuple[argparse.Namespace, list[str]]:
         """Parse; report the first unknown argument."""
         options, unknown = super().parse_known_args(args, namespace)
         if unknown:

@@ -11,7 +11,6 @@ import math
 from pathlib import Path
 import sys
 from textwrap import fill
-from typing import Any
 
 from masmc_ros.compare.ranking import COMPARED, LOST, Ranked, Row
 from masmc_ros.compare.trials import Trial
@@ -123,7 +122,7 @@ def _small(error: float) -> str:
     return number(SMALL * error) if math.isfinite(error) else _LOST
 
 
-def rows_of(ranked: Sequence[Ranked]) -> list[dict[str, Any]]:
+def rows_of(ranked: Sequence[Ranked]) -> list[dict[str, object]]:
     """Return all numbers of each law and trial in SI units; None for infinite ones."""
     return [
         {

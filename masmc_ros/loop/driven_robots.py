@@ -11,7 +11,7 @@ lanes are copied back. A robot is bitwise identical to the same robot alone.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from masmc_ros.errors import InputError
@@ -19,7 +19,7 @@ from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import plant_start, plant_tick, reduce_signals, track_reference
 from masmc_ros.loop.reduction import axes_of_points, reduced_signals
 from masmc_ros.loop.simulated_robot import delay_line, NO_STATE, write_plant, write_start
-from masmc_ros.numerics.aliases import Array, Flags, Records
+from masmc_ros.numerics.aliases import Array, Flags, Function, Records
 from masmc_ros.numerics.compiled import bound
 from masmc_ros.numerics.record import copy_lane, fill
 from masmc_ros.params.declaration import Values
@@ -84,7 +84,7 @@ class DrivenRobots:
         self.reduced = reduced_signals(mechanism, lanes)
         self.tick = np.zeros(lanes, np.int64)
         self._new = _copy(self._state)
-        self._bound: dict[Any, Callable[..., Any]] = {}
+        self._bound: dict[Function, Function] = {}
 
     @property
     def _state(self) -> State:
@@ -167,7 +167,7 @@ class DrivenRobots:
         arguments = self._plant, self._nominal, signals, self._path[tick], tracked
         self._call(track_reference, *arguments)
 
-    def _call(self, kernel: Any, *arguments: Any) -> None:
+    def _call(self, kernel: Function, *arguments: object) -> None:
         """Call a kernel without a check of the types, which are the same at every call."""
         if kernel not in self._bound:
             self._bound[kernel] = bound(kernel, *arguments)

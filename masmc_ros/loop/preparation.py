@@ -54,6 +54,7 @@ from masmc_ros.numerics.compiled import (
     is_whole_on_disk,
     machine_code,
 )
+from masmc_ros.numerics.sources import files_of
 from masmc_ros.params.declaration import MutableValues, Values
 from masmc_ros.params.text import yaml_text
 from masmc_ros.robot.declaration import Mechanism
@@ -218,7 +219,10 @@ def mark(mechanism: Mechanism) -> Path:
     """Return the marker file of the compiled kernels of these laws on this machine."""
     name = f'prepared-{mechanism.tag}'.replace(' ', '-')
     plain = ('plain',) if plain_laws() else ()
-    return machine_code(name, *map(records.law_tag, laws()), *plain)
+    sources = {__file__, *files_of(mechanism.formulas)}
+    for law in laws():
+        sources |= files_of(law.formulas)
+    return machine_code(name, sources, *map(records.law_tag, laws()), *plain)
 
 
 def prepare(mechanism: Mechanism) -> subprocess.Popen[bytes] | None:

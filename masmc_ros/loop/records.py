@@ -20,7 +20,7 @@ from masmc_ros.law.parts.moving_base import BY_TORQUE, BY_VELOCITY
 from masmc_ros.law.registry import parameters, REACHING, shared_parameters
 from masmc_ros.loop import control
 from masmc_ros.loop.signals import SIGNALS, TRACKED
-from masmc_ros.numerics.field import Field
+from masmc_ros.numerics.field import Field, field_of
 from masmc_ros.numerics.record import fill, new_record
 from masmc_ros.params.declaration import Parameter, Values
 from masmc_ros.plant_model import tick as plant_tick
@@ -30,33 +30,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 Records = NDArray[np.void]
-
-_KINDS = {'bool': 'i8', 'integer': 'i8', 'double': 'f8', 'doubles': 'f8'}
-
-_CHOSEN_WHEN_COMPILED = ('law', 'switching', 'command_interface')
-
-
-def field_of(parameter: Parameter) -> Field | None:
-    """
-    Return the field from which compiled code reads a parameter; None if it does not read it.
-
-    The field of a choice holds its index among the choices.
-    """
-    if parameter.name in _CHOSEN_WHEN_COMPILED:
-        return None
-    kind = _KINDS.get(parameter.kind)
-    if parameter.kind == 'string' and parameter.choices and not callable(parameter.choices):
-        kind = 'i8'
-    if kind is None:
-        return None
-    size: str | int = parameter.size or parameter.length or ''
-    return Field(field_name(parameter.name), size, parameter.description, parameter.unit, kind)
-
-
-def field_name(parameter: str) -> str:
-    """Return the name of the field of a parameter."""
-    return parameter.replace('.', '_')
-
 
 def law_settings(
     mechanism: Mechanism,

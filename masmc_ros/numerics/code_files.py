@@ -7,18 +7,20 @@ Files of compiled code that several processes may write at once.
 Numba numbers the files of a function and maps signatures to numbers in an index file. Two
 processes that compile at once, such as nodes started together, take the same number. One of them
 would then load the code of the other: that of another law, for records of other sizes. Here
-the file name is a digest of the signature, and the file contains the signature.
+the file name has digests of the signature and of the sources, and the file contains both.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import suppress
 import hashlib
 import os
 from pathlib import Path
 import pickle
 import tempfile
 
-from numba import __version__ as numba_version
+from masmc_ros.numerics.generated import Types
 from numba.core.serialize import dumps
 
 _DAMAGED = (
@@ -32,14 +34,17 @@ _DAMAGED = (
 )
 """Errors of unpickling a damaged file, or one with removed names."""
 
-_Key = tuple[object, ...]
-"""Key of Numba: types of the arguments, and the machine."""
+_VERSIONS = 3
+"""Number of kept files of a signature for different sources, such as those of two branches."""
+
+Key = tuple[Types, object, object]
+"""Key of Numba: types of the arguments, the machine and the code of the function."""
 
 
 class CodeFiles:
     """Code files of one function, in place of Numba's `IndexDataCacheFile`."""
 
-    def __init__(self, folder: str, name: str, stamp: object) -> None:
+    def __init__(self, folder: str, name: str, sources: Callable[[Key], str]) -> None:
         """
         Initialise the files of a function.
 
@@ -49,43 +54,50 @@ class CodeFiles:
             Folder of the files.
         name
             First part of their names.
-        stamp
-            Version of the source file.
+        sources
+            Key -> digest of all sources of its code.
 
         """
-        self._folder, self._name = Path(folder), name
-        self._made_of = numba_version, stamp
+        self._folder, self._name, self._sources = Path(folder), name, sources
 
-    def load(self, key: _Key) -> object:
+    def load(self, key: Key) -> object:
         """Return the data saved under a key; None if there is none or the file is damaged."""
         try:
-            made_of, signature, data = pickle.loads(self._path(key).read_bytes())
+            sources, signature, data = pickle.loads(self.path(key).read_bytes())
         except (OSError, *_DAMAGED):
             return None
-        return data if made_of == self._made_of and signature == key else None
+        return data if sources == self._sources(key) and signature == key else None
 
-    def has(self, key: _Key) -> bool:
-        """Return True if there is a file for a key, whole or damaged."""
-        return self._path(key).exists()
-
-    def save(self, key: _Key, data: object) -> None:
-        """Save data under a key."""
-        content = dumps((self._made_of, key, data))
+    def save(self, key: Key, data: object) -> None:
+        """Save data under a key, and delete the oldest files of other sources."""
+        content = dumps((self._sources(key), key, data))
         # A concurrent reader gets the previous file or this one, both complete.
         descriptor, temporary = tempfile.mkstemp(dir=self._folder, prefix=f'{self._name}.tmp.')
         try:
             with open(descriptor, 'wb') as file:
                 file.write(content)
-            os.replace(temporary, self._path(key))
+            os.replace(temporary, self.path(key))
         except BaseException:
             Path(temporary).unlink(missing_ok=True)
             raise
+        with suppress(OSError):  # another process may delete the same files
+            files = set(self._folder.glob(f'{self._signature(key)}.*.nbc')) - {self.path(key)}
+            for path in sorted(files, key=_time)[:1 - _VERSIONS]:
+                path.unlink(missing_ok=True)
 
     def flush(self) -> None:
         """Delete all files."""
         for path in self._folder.glob(f'{self._name}.*.nbc'):
             path.unlink(missing_ok=True)
 
-    def _path(self, key: _Key) -> Path:
-        signature = hashlib.sha256(str(key).encode()).hexdigest()
-        return self._folder / f'{self._name}.{signature[:32]}.nbc'
+    def _signature(self, key: Key) -> str:
+        """Return the name of the files of a key, without the digest of its sources."""
+        return f'{self._name}.{hashlib.sha256(str(key).encode()).hexdigest()[:32]}'
+
+    def path(self, key: Key) -> Path:
+        """Return the path of the file of a key."""
+        return self._folder / f'{self._signature(key)}.{self._sources(key)}.nbc'
+
+
+def _time(path: Path) -> int:
+    return path.stat().st_mtime_ns

@@ -18,7 +18,7 @@ fused multiply-add, because runs are bitwise identical on every machine.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from functools import cache, cached_property, update_wrapper
 import gc
@@ -32,9 +32,10 @@ from typing import Any, cast
 
 from masmc_ros.errors import UserError
 from masmc_ros.numerics.aliases import AnyFunction, Function
-from masmc_ros.numerics.code_files import CodeFiles
+from masmc_ros.numerics.code_files import CodeFiles, Key
 from masmc_ros.numerics.compiler_errors import COMPILER_ERRORS, explained
 from masmc_ros.numerics.sized_records import has_sized_records, type_of
+from masmc_ros.numerics.sources import digest, files_of_types, remember
 from masmc_ros.user_folder import runtime_folder
 from numba import __version__ as numba_version
 from numba import config, njit
@@ -51,10 +52,6 @@ if tuple(int(part) for part in numba_version.split('.')[:2]) < OLDEST_NUMBA:
         f'numba {numba_version} is too old: expected {".".join(map(str, OLDEST_NUMBA))} or later;'
         ' pip install --upgrade numba'
     )
-
-_FOLDERS = ('numerics', 'robot', 'plant_model', 'law', 'reference', 'loop')
-"""Folders of the package that contain compiled code."""
-
 
 class _RareCollections(event.Listener):
     """
@@ -190,6 +187,11 @@ def kernel_of_threads(function: AnyFunction) -> AnyFunction:
     return cast(AnyFunction, compiled if _settings.DISABLE_JIT else Kernel(function, compiled))
 
 
+def is_compiling() -> bool:
+    """Return False if NUMBA_DISABLE_JIT makes all formulas plain Python."""
+    return not _settings.DISABLE_JIT
+
+
 def is_interpreted(kernel: object) -> bool:
     """Return True if formulas run as Python, without a compiler."""
     return not hasattr(kernel, 'compile')
@@ -223,9 +225,14 @@ def is_loaded(kernel: Function, *arguments: object) -> bool:
     return tuple(map(type_of, arguments)) in cast(Kernel, kernel).overloads
 
 
+def code_file(kernel: Function, *arguments: object) -> Path:
+    """Return the path of the file of the compiled code, which may be missing."""
+    return _code_files(kernel).path(_code_key(kernel, arguments))
+
+
 def is_on_disk(kernel: Function, *arguments: object) -> bool:
     """Return True if the disk has a file of the compiled code; it may be damaged."""
-    return _code_files(kernel).has(_code_key(kernel, arguments))
+    return code_file(kernel, *arguments).exists()
 
 
 def is_whole_on_disk(kernel: Function, *arguments: object) -> bool:
@@ -238,11 +245,12 @@ def _code_files(kernel: Function) -> CodeFiles:
     return files
 
 
-def _code_key(kernel: Function, arguments: tuple[object, ...]) -> tuple[object, ...]:
+def _code_key(kernel: Function, arguments: tuple[object, ...]) -> Key:
     """Return the key under which Numba keeps the code for the types of arguments."""
     dispatcher = cast(Kernel, kernel)
     codegen = dispatcher.targetctx.codegen()
-    return dispatcher._cache._index_key(tuple(map(type_of, arguments)), codegen)
+    key: Key = dispatcher._cache._index_key(tuple(map(type_of, arguments)), codegen)
+    return key
 
 
 def _compile(function: Function, **options: Any) -> Any:
@@ -255,49 +263,64 @@ def _compile(function: Function, **options: Any) -> Any:
     finally:
         _settings.CACHE_DIR = previous
     if not _settings.DISABLE_JIT:
-        cache = compiled._cache
-        cache._cache_file = CodeFiles(
-            cache.cache_path, cache._impl.filename_base, cache._impl.locator.get_source_stamp()
-        )
+        _replace_files(compiled, function.__code__.co_filename)
     return compiled
 
 
-def machine_code(name: str, *contents: str) -> Path:
+def _replace_files(compiled: Any, source: str) -> None:
+    """
+    Replace Numba's files of compiled code.
+
+    Numba has no public way to do so. Its own files mix the code of processes that compile at
+    once, and it keeps outdated code if an inlined function changes.
+    """
+    try:
+        cache = compiled._cache
+        remember(source, cache._impl.locator.get_source_stamp)
+        cache._cache_file = CodeFiles(
+            cache.cache_path,
+            cache._impl.filename_base,
+            lambda key: digest({source, *files_of_types(key[0])}),
+        )
+    except AttributeError as error:
+        oldest = '.'.join(map(str, OLDEST_NUMBA))
+        raise UserError(
+            f'numba {numba_version} is not supported ({error}): expected {oldest} or later, below '
+            "0.69; pip install 'numba<0.69'"
+        ) from error
+
+
+def machine_code(name: str, sources: Iterable[str], *contents: str) -> Path:
     """
     Return the path of a file next to the compiled code of these sources for this machine.
 
-    `contents` are further inputs of the compilation. The name also depends on the folder of the
-    sources, as in Numba.
+    Parameters
+    ----------
+    name
+        First part of the name of the file.
+    sources
+        Files that the compilation depends on, also by their imports.
+    contents
+        Further inputs of the compilation.
+
     """
-    place = Path(__file__).resolve()
     # Numba distinguishes machines by the same values of llvmlite.
-    machine = f'{numba_version} {ll.get_host_cpu_name()} {ll.get_host_cpu_features().flatten()}'
-    kind = hashlib.sha256(f'{place} {machine} {sys.version_info} {contents}'.encode())
+    machine = f'{ll.get_host_cpu_name()} {ll.get_host_cpu_features().flatten()}'
+    kind = hashlib.sha256(f'{machine} {sys.version_info} {digest(sources)} {contents}'.encode())
     return _cache_directory() / f'{name}-{kind.hexdigest()[:12]}'
 
 
 @cache
 def _cache_directory() -> Path:
-    """
-    Return the directory of the compiled code of exactly these sources.
-
-    Numba recompiles a cached function if its own file changes, but not if an inlined function
-    changes. A directory per content of all numerical sources avoids outdated code.
-    """
-    package = Path(__file__).parents[1]
-    sources = [path for name in _FOLDERS for path in sorted((package / name).rglob('*.py'))]
-    digest = hashlib.sha256()
-    for source in sources:
-        digest.update(source.read_bytes())
-    name = f'masmc_ros-{digest.hexdigest()[:16]}'
+    """Return the directory of compiled code."""
     root = Path(os.environ.get('XDG_CACHE_HOME') or Path.home() / '.cache')
     # The temporary folder is shared: code from another user must not be executed.
     for parent in (lambda: root / 'masmc_ros', runtime_folder):
         try:
-            directory = parent() / name
+            directory = parent() / 'code'
             directory.mkdir(parents=True, exist_ok=True)
         except (OSError, UserError):
             continue
         if os.access(directory, os.W_OK):
             return directory
-    return package / '__pycache__'
+    return Path(__file__).parents[1] / '__pycache__'

@@ -14,9 +14,13 @@ from pathlib import Path
 import re
 
 from masmc_ros.errors import InputError
-from numba.core.errors import NumbaError, UnsupportedBytecodeError
+from numba.core import errors
 
-COMPILER_ERRORS = NumbaError, UnsupportedBytecodeError
+COMPILER_ERRORS: tuple[type[Exception], ...] = (
+    errors.NumbaError,
+    # Older versions raise a NumbaError in its place.
+    getattr(errors, 'UnsupportedBytecodeError', errors.NumbaError),
+)
 
 _HEADING = re.compile(r'Failed in \w+ mode pipeline')
 _PLACE = re.compile(r'File "(.+)", line (\d+)')

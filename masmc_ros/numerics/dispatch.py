@@ -29,13 +29,15 @@ from masmc_ros.numerics.generated import (
 )
 from masmc_ros.numerics.lanes import LaneType
 from masmc_ros.numerics.record import tag_of
+from masmc_ros.numerics.sources import SELECTED_BY_CLASS, SELECTED_BY_TAG
 from numba import types
 
 Finder = Callable[[Any], object]
 
 
 def by_class(find: Callable[[type], object]) -> Finder:
-    """Return a selection by the class of a named tuple; `find` maps a class to its function."""
+    """Return a selection by the class of a named tuple; `find` maps a class to its formulas."""
+    SELECTED_BY_CLASS.append(find)
 
     def choose(first: Any) -> object:
         is_type = isinstance(first, types.Type)
@@ -45,7 +47,8 @@ def by_class(find: Callable[[type], object]) -> Finder:
 
 
 def by_tag(name: str, find: Callable[[str], object]) -> Finder:
-    """Return a selection by the tag `name` of a lane's record; `find` maps it to a function."""
+    """Return a selection by the tag `name` of a lane's record; `find` maps it to its formulas."""
+    SELECTED_BY_TAG[name] = find
 
     def choose(first: Any) -> object:
         return find(tag_of(first.record if isinstance(first, LaneType) else first.dtype, name))

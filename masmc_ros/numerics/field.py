@@ -9,8 +9,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 import math
 
+from masmc_ros.params.declaration import Parameter
+
 ONE = ''
 """Size of a field that is one number."""
+
+_KINDS = {'bool': 'i8', 'integer': 'i8', 'double': 'f8', 'doubles': 'f8'}
+
+_CHOSEN_WHEN_COMPILED = ('law', 'switching', 'command_interface')
 
 
 @dataclass(frozen=True)
@@ -48,3 +54,21 @@ def _number(size: str | int, sizes: Mapping[str, int]) -> int:
     if isinstance(size, int):
         return size
     return 1 if size == ONE else sizes[size]
+
+
+def field_of(parameter: Parameter) -> Field | None:
+    """
+    Return the field from which compiled code reads a parameter; None if it does not read it.
+
+    The field of a choice holds its index among the choices.
+    """
+    if parameter.name in _CHOSEN_WHEN_COMPILED:
+        return None
+    kind = _KINDS.get(parameter.kind)
+    if parameter.kind == 'string' and parameter.choices and not callable(parameter.choices):
+        kind = 'i8'
+    if kind is None:
+        return None
+    size: str | int = parameter.size or parameter.length or ONE
+    name = parameter.name.replace('.', '_')
+    return Field(name, size, parameter.description, parameter.unit, kind)

@@ -12,6 +12,7 @@ import sys
 from typing import Any
 
 from masmc_ros.errors import InputError
+from masmc_ros.mistakes import one_line
 
 
 def plugged_in(group: str) -> tuple[str, ...]:
@@ -36,6 +37,6 @@ def load_plug_in(group: str, parameter: str, name: str) -> Any:
             return point.load()
         except Exception as error:
             raise InputError(
-                f'{parameter} = {name}: {point.value} cannot be loaded: {error}'
+                f'{parameter} = {name}: {point.value} cannot be loaded: {one_line(error)}'
             ) from error
     raise InputError(f'{parameter} = {name}: no installed package brings it to {group}')

@@ -5,11 +5,14 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from contextlib import AbstractContextManager, nullcontext
+import inspect
+from typing import cast, ClassVar
 
 from masmc_ros.errors import InputError
+from masmc_ros.mistakes import MistakeError, reported
 from masmc_ros.numerics.aliases import Array
-from masmc_ros.numerics.compiled import kernel
+from masmc_ros.numerics.compiled import interpreted, kernel
 from masmc_ros.params.declaration import Parameter, Values
 from masmc_ros.params.plug_ins import load_plug_in, plugged_in
 from masmc_ros.reference.arc import Arc
@@ -85,6 +88,8 @@ def _sample_line_sine(table: Array, times: Array) -> NDArray[np.float64]:
     return out
 
 
+_TICKS_OF_DRY_RUN = 3
+
 BUILT_IN: dict[str, type[Reference]] = {
     'line_sine': LineSine, 'waypoints': Waypoints, 'arc': Arc
 }
@@ -100,7 +105,21 @@ def load(name: str) -> type[Reference]:
     if name in BUILT_IN:
         return BUILT_IN[name]
     reference: type[Reference] = load_plug_in(ENTRY_POINTS, 'type', name)
+    if not isinstance(reference, type) or not hasattr(reference, 'parameters'):
+        raise InputError(
+            f'type = {name}: {_place(reference)}: {getattr(reference, "__name__", reference)} has '
+            "no 'parameters'; expected a class as in reference/reference.py"
+        )
     return reference
+
+
+def _place(reference: object) -> str:
+    """Return file and line of a class."""
+    try:
+        _, first = inspect.getsourcelines(cast(type, reference))
+        return f'{inspect.getfile(cast(type, reference))}:{first}'
+    except (OSError, TypeError):
+        return repr(reference)
 
 
 def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
@@ -140,10 +159,15 @@ class Trajectory:
                 f'{", ".join(own)}, the task axes of {robot.mechanism.name}'
             )
         own_values = {n.removeprefix(block): v for n, v in values.items() if n.startswith(block)}
-        self._reference = made(chosen, own_values, robot.mechanism)
-        self._period = period
+        self._kind, self._class, self._period = kind, chosen, period
         self._robot = robot
         self._axes = len(own)
+        with self._reported():
+            self._reference = made(chosen, own_values, robot.mechanism)
+        if kind not in BUILT_IN:
+            # A dry run before compilation, and before the first tick of a node.
+            with interpreted():
+                self._at(np.arange(_TICKS_OF_DRY_RUN))
 
     def sample(self, first: int, count: int) -> NDArray[np.float64]:
         """
@@ -171,11 +195,20 @@ class Trajectory:
     def _at(self, ticks: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return times (n) in s and samples (n, 3 axes) of ticks (n)."""
         times = ticks.astype(np.float64) * self._period
-        samples = np.asarray(self._reference.sample(times), dtype=np.float64)
-        expected = len(ticks), 3 * self._axes
-        if samples.shape != expected:
-            raise InputError(
-                f'trajectory: {type(self._reference).__name__}.sample gave shape '
-                f'{samples.shape}, expected {expected}'
-            )
+        with self._reported():
+            samples = np.asarray(self._reference.sample(times), dtype=np.float64)
+            expected = len(ticks), 3 * self._axes
+            if samples.shape != expected:
+                raise MistakeError(
+                    f'{type(self._reference).__name__}.sample returns the shape {samples.shape}: '
+                    f'expected {expected}, one row per time with position, velocity and '
+                    'acceleration of all axes'
+                )
         return times, samples
+
+    def _reported(self) -> AbstractContextManager[None]:
+        """Report mistakes of a type from another package in one line."""
+        if self._kind in BUILT_IN:
+            return nullcontext()
+        place = _place(self._class)
+        return reported(f'type = {self._kind}', [place.rpartition(':')[0]], place)

@@ -18,6 +18,7 @@ from masmc_ros.numerics.vectors import check_workspace, free, mark
 from masmc_ros.params.declaration import Values
 from masmc_ros.robot import mechanism as formulas
 from masmc_ros.robot.declaration import Mechanism, ODOM_FRAME
+from masmc_ros.robot.dry_run import check
 from masmc_ros.robot.joint_names import driven_joint_names
 from masmc_ros.robot.mechanisms import mechanism_from
 import numpy as np
@@ -86,6 +87,7 @@ def robot_of(values: Values) -> Robot:
     """Return the robot of a node's checked values; raise InputError for an invalid robot."""
     mechanism = mechanism_from(values)
     own = {p.name.removeprefix('robot.'): values[p.name] for p in mechanism.parameters}
+    check(mechanism, own)
     lengths, theta = mechanism.formulas.constants(own)
     return Robot(mechanism, own, np.array(lengths), np.array(theta))
 

@@ -5,11 +5,13 @@
 
 from __future__ import annotations
 
+from functools import partial
+import os
 from pathlib import Path
 import subprocess
 import sys
 
-from masmc_ros.numerics.code_files import CodeFiles
+from masmc_ros.numerics.code_files import _VERSIONS, CodeFiles
 import pytest
 
 PROCESSES = 6
@@ -62,15 +64,15 @@ def test_code_files_concurrent_processes_do_not_mix_signatures(
 
 
 def test_code_files_load_returns_code_of_its_key_only(tmp_path: Path) -> None:
-    one, other = (CodeFiles(str(tmp_path), 'total', (1.0, 2)) for _ in range(2))
+    one, other = (CodeFiles(str(tmp_path), 'total', lambda key: 'sources') for _ in range(2))
     one.save(('a', 1), 'code of a')
     other.save(('b', 1), 'code of b')
     assert [files.load(key) for files in (one, other) for key in (('a', 1), ('b', 1))] == [
         'code of a', 'code of b',
     ] * 2
     assert one.load(('c', 1)) is None
-    # Another version of the source, or a file renamed to that of another key.
-    assert CodeFiles(str(tmp_path), 'total', (3.0, 4)).load(('a', 1)) is None
+    # Other sources, or a file renamed to that of another key.
+    assert CodeFiles(str(tmp_path), 'total', lambda key: 'others').load(('a', 1)) is None
     a, b = (files for files in sorted(tmp_path.iterdir()))
     a.write_bytes(b.read_bytes())
     assert sorted(str(one.load(key)) for key in (('a', 1), ('b', 1))) in (
@@ -78,9 +80,22 @@ def test_code_files_load_returns_code_of_its_key_only(tmp_path: Path) -> None:
     )
 
 
+def test_code_files_of_older_sources_are_deleted(tmp_path: Path) -> None:
+    versions = [
+        CodeFiles(str(tmp_path), 'total', partial('{1} {0}'.format, k))
+        for k in range(_VERSIONS + 2)
+    ]
+    for k, files in enumerate(versions):
+        for key in 'a', 'b':
+            files.save(key, k)
+            os.utime(files.path(key), (k, k))
+    for key in 'a', 'b':
+        assert [files.load(key) for files in versions] == [None, None, *range(2, len(versions))]
+
+
 @pytest.mark.parametrize('length', [0, 1, 40, -1])
 def test_code_files_damaged_file_returns_none(tmp_path: Path, length: int) -> None:
-    files = CodeFiles(str(tmp_path), 'total', (1.0, 2))
+    files = CodeFiles(str(tmp_path), 'total', lambda key: 'sources')
     files.save('key', list(range(100)))
     path, = tmp_path.iterdir()
     path.write_bytes(path.read_bytes()[:length])

@@ -13,6 +13,8 @@ Blocks of README.md and docs/ are run, page by page, in a separate folder and RO
 - Console: as shell, and the output must be the documented one; `...` stands for any text.
 - Diff: the unchanged and the added lines are in the file that the text names before.
 
+Blocks of files and lines of `masmc_ros/` are those of test_extending.py.
+
 test_documentation_blocks.py checks the other commands.
 """
 
@@ -42,7 +44,9 @@ from sybil.example import Example
 
 pytestmark = pytest.mark.slow
 
-FIRST_READ = ('README', 'getting_started/first_run', 'getting_started/own_law')
+FIRST_READ = (
+    'README', 'getting_started/first_run', 'getting_started/own_law', 'development/extending',
+)  # fmt: skip
 """Pages that `make test-all` runs; `make test-pages` runs the others, which takes an hour."""
 
 FIRST_LINE = re.compile(r'# (\w+\.(?:py|yaml))\b')
@@ -82,6 +86,8 @@ class PageRun:
 
     def python(self, example: Example) -> None:
         """Write a named module and import it, or execute a block."""
+        if example.parsed.startswith('# masmc_ros/'):
+            return
         named = FIRST_LINE.match(example.parsed)
         if named and re.search(r'^\s*\.\.\.$', example.parsed, re.MULTILINE):
             source = ROOT / 'test' / 'helpers' / named[1]
@@ -130,6 +136,8 @@ class PageRun:
 
     def diff(self, example: Example) -> None:
         """Check that a diff is about lines of the file named before it."""
+        if example.parsed.startswith('--- masmc_ros/'):
+            return
         before = example.document.text[: example.region.start]
         file = re.findall(r'`([\w/]+\.py)`', before)[-1]
         lines = [line[1:].strip() for line in example.parsed.splitlines() if line[0] in ' +']

@@ -21,6 +21,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 MANIFEST = ElementTree.parse(ROOT / 'package.xml').getroot()
 SETUP = (ROOT / 'setup.py').read_text(encoding='utf-8')
+CONSTRAINTS = (ROOT / 'constraints.txt').read_text(encoding='utf-8')
 
 ROSDEP = {
     'jinja2': 'python3-jinja2',
@@ -107,7 +108,9 @@ def test_package_xml_and_setup_py_same_maintainer_and_url() -> None:
     assert f"maintainer_email='{maintainer.get('email')}'" in SETUP
     assert '.invalid' not in SETUP + str(maintainer.attrib)
     assert f'git clone {url}' in (ROOT / 'README.md').read_text(encoding='utf-8')
-    assert f"'numba>={'.'.join(map(str, OLDEST_NUMBA))}'" in SETUP
+    assert f"'numba>={'.'.join(map(str, OLDEST_NUMBA))},<0.69'" in SETUP
+    # `make test` and `make test-oldest` run both ends of the range.
+    assert re.search(r'^numba==0\.68\.\d+$', CONSTRAINTS, re.MULTILINE)
 
 
 def test_changelog_has_the_form_of_rep_132() -> None:

@@ -14,7 +14,6 @@ from functools import partial
 from pathlib import Path
 import threading
 import time
-from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.bag import METADATA_FILE, Part, RecordedTopic, write_bag_metadata
@@ -148,7 +147,7 @@ class Recording:
         # First log time in ns of the current part of a recording in parts.
         self._first: int | None = None
         self._counts: Counter[int] = Counter()
-        self._queue: deque[Any] = deque()
+        self._queue: deque[Callable[[], object] | tuple[int, list[Message]]] = deque()
         self._queued = self._taken = self._last_channel = 0
         self._stop = threading.Event()
         self.lost: Counter[str] = Counter()

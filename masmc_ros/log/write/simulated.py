@@ -127,12 +127,12 @@ class SimulationLog:
             self._writer.write(channel, 0, self._desired)
         return self
 
-    def __exit__(self, *exception: object) -> None:
+    def __exit__(self, _: object, error: BaseException | None, traceback: object) -> None:
         """Complete the file, or remove it after an exception."""
-        if exception[0] is None:
+        if error is None:
             parameters = {node: self._values[node] for node in topics.PARAMETER_NODES}
             write_parameters(self._writer, parameters, self._changes)
-        self._writer.__exit__(*exception)
+        self._writer.__exit__(_, error, traceback)
 
     def write(self, tick_block: TickBlock) -> None:
         """Write all messages of consecutive ticks."""

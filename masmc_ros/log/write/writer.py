@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 import os
 from pathlib import Path
-from typing import Any
 
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.log.mcap import chunks
@@ -241,12 +240,12 @@ class LogWriter:
         """Return the writer."""
         return self
 
-    def __exit__(self, *exception: Any) -> None:
+    def __exit__(self, _: object, error: BaseException | None, traceback: object) -> None:
         """Complete the file, or remove that of a computed run that failed."""
-        if exception[0] is None or self._file is None:
+        if error is None or self._file is None:
             self.close()
         else:
-            self._fail(exception[1])
+            self._fail(error)
 
     def _fail(self, error: BaseException) -> None:
         """Close the file; InputError if the disk did not take a computed run."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 import time
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from masmc_ros.errors import InputError
 from masmc_ros.messages.parameter_record import record_of
@@ -183,7 +183,7 @@ class _Pending(NamedTuple):
     countdown: _Countdown
     limit: float
     service_call: ServiceCall
-    on_response: Callable[[_Pending, Any], None]
+    on_response: Callable[[_Pending, object], None]
 
 
 def _ros_parameter(name: str, value: object) -> Parameter | None:
