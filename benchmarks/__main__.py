@@ -4,7 +4,7 @@
 """
 Command that prints all benchmarks, or the named ones, and writes them to bench.json.
 
-usage: python -m benchmarks [kernel] [campaign] [whole_process] [lockstep] [recording]
+usage: python -m benchmarks [kernel] [campaign] [peers] [whole_process] [lockstep] [recording]
 """
 
 from __future__ import annotations
@@ -12,12 +12,13 @@ from __future__ import annotations
 from pathlib import Path
 import sys
 
-from benchmarks import campaign, kernel, lockstep, recording, whole_process
+from benchmarks import campaign, kernel, lockstep, peers, recording, whole_process
 from benchmarks.measure import Measure, write
 
 PARTS = {
     'kernel': kernel.measures,
     'campaign': campaign.measures,
+    'peers': peers.measures,
     'whole_process': whole_process.measures,
     'lockstep': lockstep.measures,
     'recording': recording.measures,

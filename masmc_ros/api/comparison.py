@@ -6,13 +6,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import chain
 
 from masmc_ros.api.scenario import load, Scenario
-from masmc_ros.compare.campaign import outcomes
+from masmc_ros.compare.campaign import comparison_of, compute
 from masmc_ros.compare.ranking import ranking
 from masmc_ros.compare.tables import rows_of
-from masmc_ros.compare.tasks import tasks_of
 from masmc_ros.params.declaration import Values
 import pyarrow as pa
 from tqdm import tqdm
@@ -24,6 +22,8 @@ def compare_laws(
     *,
     trials: str | Sequence[str] = 'all',
     seeds: int = 1,
+    threads: int = 0,
+    scheduler: str = '',
     settings: Values | None = None,
     **values: object,
 ) -> pa.Table:
@@ -40,6 +40,8 @@ def compare_laws(
         trials in addition to the unmodified scenario, or 'all' or 'laws'.
     seeds
         runs of each: seed 0 is the scenario; others draw robot, disturbance and noise.
+    threads, scheduler
+        as for `sweep`.
 
     Returns
     -------
@@ -48,15 +50,19 @@ def compare_laws(
     Raises
     ------
     InputError
-        If a name is unknown, a value out of range, or the scenario commands velocities.
+        If a name is unknown or a value out of range, if the scenario commands velocities, or if
+        no scheduler answers.
 
     """
     loaded = load(scenario, settings, **values)
-    tasks = tasks_of(
-        loaded.file, loaded.settings, loaded.values, _text(laws), _text(trials), seeds
+    comparison = comparison_of(
+        loaded.file, loaded.settings, _text(laws), _text(trials), seeds
     )
-    done = tqdm(outcomes(tasks), total=len(tasks), unit='law', disable=None)
-    ranked = ranking(chain.from_iterable(done), tasks[0].trials[0].name)
+    with tqdm(total=comparison.total, unit='run', disable=None) as progress:
+        rows = compute(
+            comparison, threads=threads, scheduler=scheduler, advance=progress.update
+        )
+    ranked = ranking(comparison, rows)
     return pa.Table.from_pylist(rows_of(ranked))
 
 

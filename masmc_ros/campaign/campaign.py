@@ -8,58 +8,35 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
-import hashlib
 import json
 import math
 import shlex
 
-from masmc_ros import __version__
 from masmc_ros.campaign.axes import Axis
 from masmc_ros.campaign.draws import check_range, Draw, drawn
+from masmc_ros.campaign.runs import (
+    checked_scenario,
+    Description,
+    LANES,
+    NODES,
+    Run,
+    scenario_of,
+    WORTH_LANES,
+)
 from masmc_ros.campaign.variable import Scenario, Variable
 from masmc_ros.errors import InputError
 from masmc_ros.law import registry
 from masmc_ros.law.law import Law
-from masmc_ros.log.write.provenance import git_state
-from masmc_ros.params.declaration import check_all, MutableValues
-from masmc_ros.params.node_parameters import declared
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.params.text import yaml_text
-from masmc_ros.robot.declaration import Mechanism, URDF
-from masmc_ros.robot.mechanisms import mechanism_from
 import numpy as np
-
-NODES = ('plant', 'trajectory', 'controller')
-"""Nodes of a simulated run."""
 
 SEED = 'plant.seed'
 
 _SEEDS = 2**32
 
 
-@dataclass(frozen=True)
-class Run:
-    """
-    A run of a campaign.
-
-    Attributes
-    ----------
-    number
-        Number of the run, from 0.
-    values
-        Values of the variables by name: those of the axes, then drawn ones.
-    scenario
-        Checked values by node and name.
-
-    """
-
-    number: int
-    values: MutableValues
-    scenario: Scenario
-
-
 @dataclass(frozen=True, eq=False)
-class Campaign:
+class Campaign(Description):
     """
     Description of a campaign; every run follows from it and from the number of the run.
 
@@ -101,10 +78,10 @@ class Campaign:
         """Return the number of runs."""
         return math.prod(len(axis.values) for axis in self.axes) * self.repeats
 
-    @cached_property
-    def mechanism(self) -> Mechanism:
-        """Return the type of the robot."""
-        return mechanism_from(self.scenario['plant'])
+    @property
+    def lanes(self) -> int:
+        """Return the number of runs that are computed side by side."""
+        return LANES if self.total >= WORTH_LANES else 1
 
     @cached_property
     def variables(self) -> tuple[Variable, ...]:
@@ -126,20 +103,11 @@ class Campaign:
     def from_text(cls, text: str) -> Campaign:
         """Return the campaign of a JSON text."""
         values = json.loads(text)
-        mechanism = mechanism_from(values['scenario']['plant'])
-        values['scenario'] = {
-            node: check_all(declared(node, mechanism), values['scenario'][node]) for node in NODES
-        }
+        values['scenario'] = checked_scenario(values['scenario'])
         values['settings'] = tuple(values['settings'])
         values['axes'] = tuple(Axis(name, tuple(entries)) for name, entries in values['axes'])
         values['draws'] = tuple(Draw(n, kind, tuple(a)) for n, kind, a in values['draws'])
         return cls(**values)
-
-    @cached_property
-    def key(self) -> str:
-        """Return the digest of the description and of the code."""
-        content = f'{self.text} {__version__} {git_state()}'
-        return hashlib.sha256(content.encode()).hexdigest()[:16]
 
     def runs(self, first: int, count: int) -> Iterator[Run]:
         """
@@ -219,14 +187,7 @@ def campaign_of(
         that can be drawn is out of range.
 
     """
-    scenario = load_scenario(file, settings)
-    values = {node: scenario[node] for node in NODES}
-    urdf = values['plant'].get(URDF)
-    if urdf:
-        from masmc_ros.robot.tree.tree_mechanism import described
-
-        for node in NODES:
-            values[node] = {**values[node], URDF: described(urdf)[0]}
+    values = scenario_of(file, settings)
     campaign = Campaign(
         file, tuple(settings), values, tuple(axes), tuple(draws), repeats, seed, sobol
     )

@@ -19,8 +19,8 @@ from types import TracebackType
 from distributed import as_completed, Client, Future
 from distributed.scheduler import KilledWorker
 from masmc_ros import __version__
-from masmc_ros.campaign.campaign import Campaign
 from masmc_ros.campaign.part import Rows, rows_of_text
+from masmc_ros.campaign.runs import Description
 from masmc_ros.campaign.threads import Part
 from masmc_ros.errors import InputError
 
@@ -96,7 +96,9 @@ class Cluster:
                     )
         return sum(threads.values())
 
-    def computed(self, campaign: Campaign, parts: Iterable[Part]) -> Generator[Rows, None, None]:
+    def computed(
+        self, campaign: Description, parts: Iterable[Part]
+    ) -> Generator[Rows, None, None]:
         """Yield the rows of parts (first run, number of runs) in the order of completion."""
         waiting, client = iter(parts), self._client
 
@@ -104,6 +106,7 @@ class Cluster:
             return [
                 client.submit(
                     rows_of_text,
+                    type(campaign),
                     campaign.text,
                     *part,
                     key=f'masmc-{campaign.key}-{part[0]}-{part[1]}',

@@ -1,31 +1,76 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Computation of the missing runs of a campaign, here or on a cluster."""
+"""Computation of the runs of a campaign, here or on a cluster."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterable
 from contextlib import closing
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from masmc_ros.campaign import threads as threads_of_process
 from masmc_ros.campaign.campaign import Campaign
-from masmc_ros.campaign.dataset import Dataset
-from masmc_ros.campaign.part import LANES, Rows
-from masmc_ros.campaign.threads import computed, processors
+from masmc_ros.campaign.part import Rows
+from masmc_ros.campaign.runs import Description
+from masmc_ros.campaign.threads import Part, processors
 from masmc_ros.report.files import check_folder
 
+if TYPE_CHECKING:
+    from masmc_ros.campaign.dataset import Dataset
+
 LARGEST_PART = 512
-"""Number of runs of a file: some seconds of one processor."""
+"""Number of runs of a part: some seconds of one processor."""
 
 _PARTS = 8
 """Number of parts of each processor of a small campaign."""
 
 
-def part_size(total: int, workers: int) -> int:
-    """Return the number of runs of a part: a multiple of LANES."""
-    batches = -(-total // (workers * _PARTS * LANES))
-    return min(LARGEST_PART, LANES * max(1, batches))
+def part_size(campaign: Description, workers: int) -> int:
+    """Return the number of runs of a part: a multiple of the lanes."""
+    batches = -(-campaign.total // (workers * _PARTS * campaign.lanes))
+    return min(LARGEST_PART, campaign.lanes * max(1, batches))
+
+
+def computed(
+    campaign: Description,
+    parts: Callable[[int], Iterable[Part]],
+    *,
+    threads: int = 0,
+    scheduler: str = '',
+) -> Generator[Rows, None, None]:
+    """
+    Yield the rows of parts in the order of completion.
+
+    Parameters
+    ----------
+    campaign
+        Campaign.
+    parts
+        Function that returns the parts to compute, of a largest number of runs.
+    threads
+        Number of threads; 0: one for each processor.
+    scheduler
+        Address of a Dask scheduler, which has priority over threads.
+
+    Raises
+    ------
+    InputError
+        if no scheduler answers, or if a node would reject the values of a run.
+
+    """
+    if scheduler:
+        # The import takes time and needs a package of its own.
+        from masmc_ros.campaign.dask import Cluster
+
+        with Cluster(scheduler) as cluster:
+            yield from cluster.computed(campaign, parts(part_size(campaign, cluster.workers)))
+    else:
+        workers = threads or processors()
+        yield from threads_of_process.computed(
+            campaign, parts(part_size(campaign, workers)), workers
+        )
 
 
 def carry_out(
@@ -45,10 +90,8 @@ def carry_out(
         Campaign.
     folder
         Folder of the dataset; it is created if it is missing.
-    threads
-        Number of threads; 0: one for each processor.
-    scheduler
-        Address of a Dask scheduler, which has priority over threads.
+    threads, scheduler
+        As for `computed`.
     advance
         Called with numbers of runs that are done, first with those of an earlier start.
 
@@ -59,34 +102,21 @@ def carry_out(
     Raises
     ------
     InputError
-        if the folder has rows of another campaign, if no scheduler answers, or if a node would
-        reject the values of a run.
+        if the folder has rows of another campaign, and as `computed`.
 
     """
+    # The import needs a package of its own.
+    from masmc_ros.campaign.dataset import Dataset
+
     check_folder(folder)
     dataset = Dataset(folder, campaign)
     advance(dataset.done)
-    if dataset.done == campaign.total:
-        return dataset
-    if scheduler:
-        # The import takes time and needs a package of its own.
-        from masmc_ros.campaign.dask import Cluster
-
-        with Cluster(scheduler) as cluster:
-            parts = dataset.missing(part_size(campaign.total, cluster.workers))
-            _write(dataset, cluster.computed(campaign, parts), advance)
-    else:
-        workers = threads or processors()
-        parts = dataset.missing(part_size(campaign.total, workers))
-        _write(dataset, computed(campaign, parts, workers), advance)
+    if dataset.done < campaign.total:
+        # This process alone writes.
+        with closing(
+            computed(campaign, dataset.missing, threads=threads, scheduler=scheduler)
+        ) as results:
+            for rows in results:
+                dataset.write(rows)
+                advance(len(rows['run']))
     return dataset
-
-
-def _write(
-    dataset: Dataset, results: Generator[Rows, None, None], advance: Callable[[int], object]
-) -> None:
-    """Write the rows of all parts, in this process alone."""
-    with closing(results):
-        for rows in results:
-            dataset.write(rows)
-            advance(len(rows['run']))

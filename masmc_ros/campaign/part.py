@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import Any
 
-from masmc_ros.campaign.campaign import Campaign, Run
+from masmc_ros.campaign.runs import Description, Run
 from masmc_ros.errors import InputError
 from masmc_ros.loop.batch_simulation import of_all_lanes
 from masmc_ros.report.measure.metrics import Metrics, Reached
@@ -22,12 +22,6 @@ from masmc_ros.report.measure.reduced import reduced_metrics
 from masmc_ros.report.measure.table import Column, columns
 from masmc_ros.robot.declaration import Mechanism
 import numpy as np
-
-LANES = 16
-"""Number of runs side by side, which fills the widest vectors twice."""
-
-WORTH_LANES = 4 * LANES
-"""Number of runs of a campaign from which compilation for lanes is faster."""
 
 Rows = dict[str, Any]
 """Columns by name: arrays of equal length."""
@@ -43,7 +37,7 @@ def metric_columns(mechanism: Mechanism) -> list[Column]:
 
 
 def rows(
-    campaign: Campaign, first: int, count: int, is_stopped: Callable[[], bool] = lambda: False
+    campaign: Description, first: int, count: int, is_stopped: Callable[[], bool] = lambda: False
 ) -> Rows:
     """
     Compute runs `first` to `first + count - 1`.
@@ -71,8 +65,7 @@ def rows(
 
     """
     runs = list(campaign.runs(first, count))
-    lanes = LANES if campaign.total >= WORTH_LANES else 1
-    results = evaluated(runs, lanes, is_stopped)
+    results = evaluated(runs, campaign.lanes, is_stopped)
     return {
         'run': np.array([run.number for run in runs]),
         'seed': np.array([run.scenario['plant']['seed'] for run in runs]),
@@ -118,13 +111,13 @@ def evaluated(
 
 
 @lru_cache(maxsize=4)
-def _campaign(text: str) -> Campaign:
-    return Campaign.from_text(text)
+def _described(kind: type[Description], text: str) -> Description:
+    return kind.from_text(text)
 
 
-def rows_of_text(text: str, first: int, count: int) -> Rows:
-    """Compute `rows` of a campaign as its JSON text, for another process."""
-    return rows(_campaign(text), first, count)
+def rows_of_text(kind: type[Description], text: str, first: int, count: int) -> Rows:
+    """Compute `rows` of a description as its JSON text, for another process."""
+    return rows(_described(kind, text), first, count)
 
 
 def _computed(batch: Sequence[Run], lanes: int) -> list[Metrics | float]:

@@ -11,8 +11,8 @@ from itertools import islice
 import os
 from threading import Event
 
-from masmc_ros.campaign.campaign import Campaign
 from masmc_ros.campaign.part import Rows, rows
+from masmc_ros.campaign.runs import Description
 
 Part = tuple[int, int]
 """First run and number of runs."""
@@ -26,7 +26,7 @@ def processors() -> int:
 
 
 def computed(
-    campaign: Campaign, parts: Iterable[Part], threads: int
+    campaign: Description, parts: Iterable[Part], threads: int
 ) -> Generator[Rows, None, None]:
     """
     Yield the rows of parts in the order of completion.

@@ -19,8 +19,9 @@ import math
 from threading import Event
 from typing import NamedTuple
 
-from masmc_ros.campaign.campaign import Campaign, Run
-from masmc_ros.campaign.part import evaluated, LANES
+from masmc_ros.campaign.campaign import Campaign
+from masmc_ros.campaign.part import evaluated
+from masmc_ros.campaign.runs import LANES, Run
 from masmc_ros.campaign.variable import Variable
 from masmc_ros.errors import InputError
 from masmc_ros.numerics.aliases import Array

@@ -86,6 +86,15 @@ def add_threads(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--threads', type=count, default=0, metavar='N', help=text)
 
 
+def add_workers(parser: argparse.ArgumentParser) -> None:
+    """Add `--threads` and `--scheduler`."""
+    add_threads(parser)
+    parser.add_argument(
+        '--scheduler', default='', metavar='ADDRESS',
+        help='address of a Dask scheduler whose workers compute, such as tcp://host:8786',
+    )  # fmt: skip
+
+
 def count(text: str) -> int:
     """Return a whole number, at least 1."""
     number = whole(text)

@@ -15,7 +15,7 @@ from masmc_ros.campaign.dataset import arrays
 from masmc_ros.campaign.draws import draw
 from masmc_ros.campaign.engine import carry_out
 from masmc_ros.campaign.summary import label, metric_named, text, values_by_point
-from masmc_ros.cli.arguments import add_file, add_output, add_seed, add_settings, add_threads
+from masmc_ros.cli.arguments import add_file, add_output, add_seed, add_settings, add_workers
 from masmc_ros.report.aligned import WIDTH
 from masmc_ros.report.draw.campaign import draws_figure, map_figure, MapAxis
 from masmc_ros.report.draw.style import paper_style, png
@@ -37,11 +37,7 @@ def add_campaign(parser: argparse.ArgumentParser, folder: str) -> None:
         'column of the dataset (RMS error of the first point)',
     )  # fmt: skip
     add_output(parser, folder)
-    add_threads(parser)
-    parser.add_argument(
-        '--scheduler', default='', metavar='ADDRESS',
-        help='address of a Dask scheduler whose workers compute, such as tcp://host:8786',
-    )  # fmt: skip
+    add_workers(parser)
 
 
 def add_draws(parser: argparse.ArgumentParser, *, is_required: bool) -> None:

@@ -1,108 +1,176 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""
-Runs of all contenders in all trials, on all processors.
-
-A process computes all runs of a law, whose kernel it loads once. Many runs of a trial are
-computed side by side in lanes, a few one after the other; both are bitwise identical.
-"""
+"""Comparison as a campaign: each contender in each trial with each seed."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-import multiprocessing
-import os
-import signal
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
+from dataclasses import asdict, dataclass
+from functools import cached_property
+import json
 
-from masmc_ros.compare.contenders import Contender
-from masmc_ros.compare.trials import drawn, Trial
-from masmc_ros.loop.batch_simulation import BatchSimulation
-from masmc_ros.params.declaration import Values
-from masmc_ros.params.scenario import load_scenario
-from masmc_ros.report.measure.metrics import Metrics, Samples
-from masmc_ros.robot.declaration import Mechanism
+from masmc_ros.campaign.engine import computed
+from masmc_ros.campaign.part import Rows
+from masmc_ros.campaign.runs import (
+    checked_scenario,
+    Description,
+    LANES,
+    Run,
+    scenario_of,
+    WORTH_LANES,
+)
+from masmc_ros.campaign.variable import Scenario, Variable
+from masmc_ros.compare.contenders import Contender, contenders, marked
+from masmc_ros.compare.trials import drawn, sets_observer, Trial, trials_named
+from masmc_ros.errors import InputError
+from masmc_ros.law.command_interface import takes_rates
+from masmc_ros.params.file import parse_value
 from masmc_ros.robot.mechanisms import mechanism_from
 import numpy as np
 
-LANES = 16
-"""Number of runs side by side, which fills the widest vectors twice."""
 
-_WORTH_LANES = 4 * LANES
-"""Number of runs of a trial from which compilation for lanes is faster."""
+@dataclass(frozen=True, eq=False)
+class Comparison(Description):
+    """
+    Runs of a comparison: contenders, their trials, and the seeds of a trial, which are fastest.
 
+    Attributes
+    ----------
+    scenario
+        Checked values of every node, with the settings of the user.
+    contenders, trials
+        Laws and conditions; their settings replace values of the scenario.
+    seeds
+        Number of runs of each contender in each trial.
 
-@dataclass(frozen=True)
-class Outcome:
-    """Metrics of a contender in a trial by seed; None for a run that diverged."""
+    """
 
-    contender: Contender
-    trial: str
-    reached: tuple[Metrics | None, ...]
-
-
-@dataclass(frozen=True)
-class Task:
-    """All runs of a contender."""
-
-    file: str
-    settings: tuple[str, ...]
-    contender: Contender
+    scenario: Scenario
+    contenders: tuple[Contender, ...]
     trials: tuple[Trial, ...]
     seeds: int
 
+    @property
+    def total(self) -> int:
+        """Return the number of runs."""
+        return len(self.contenders) * len(self.trials) * self.seeds
 
-def outcomes(tasks: Sequence[Task]) -> Iterator[Sequence[Outcome]]:
-    """Yield the outcomes of each task, in the order of completion."""
-    workers = min(os.cpu_count() or 1, len(tasks))
-    if workers == 1:
-        yield from map(compute, tasks)
-        return
-    # Spawned processes, as the caller may have started threads.
-    context = multiprocessing.get_context('spawn')
-    with context.Pool(workers, _leave_interrupts_to_parent) as pool:
-        yield from pool.imap_unordered(compute, tasks)
+    @property
+    def lanes(self) -> int:
+        """Return the number of runs that are computed side by side."""
+        return LANES if self.seeds >= WORTH_LANES else 1
+
+    @cached_property
+    def text(self) -> str:
+        """Return the description as JSON, from which `from_text` makes it again."""
+        return json.dumps(asdict(self))
+
+    @classmethod
+    def from_text(cls, text: str) -> Comparison:
+        """Return the comparison of a JSON text."""
+        values = json.loads(text)
+        return cls(
+            checked_scenario(values['scenario']),
+            tuple(Contender(*fields) for fields in values['contenders']),
+            tuple(
+                Trial(**{**fields, 'settings': tuple(fields['settings'])})
+                for fields in values['trials']
+            ),
+            values['seeds'],
+        )
+
+    def runs(self, first: int, count: int) -> Iterator[Run]:
+        """
+        Yield the runs `first` to `first + count - 1`.
+
+        Raises InputError for values that a node would reject.
+        """
+        for number in range(first, first + count):
+            point, seed = divmod(number, self.seeds)
+            yield Run(number, {}, drawn(self._scenario(point), self.mechanism, seed))
+
+    def _scenario(self, point: int) -> Scenario:
+        """Return the scenario of a contender in a trial; the trials are faster."""
+        contender, trial = divmod(point, len(self.trials))
+        settings = (
+            *self.contenders[contender].settings,
+            *self.trials[trial].settings_for(self.mechanism),
+        )
+        scenario = {node: dict(values) for node, values in self.scenario.items()}
+        for setting in settings:
+            name, _, text = setting.partition('=')
+            variable = Variable.named(name, self.mechanism, setting)
+            variable.write(scenario, parse_value(text, setting))
+        return scenario
 
 
-def _leave_interrupts_to_parent() -> None:
-    """Ignore Ctrl-C: the parent process ends this one."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+def comparison_of(
+    file: str, settings: Sequence[str], laws: str, trials: str, seeds: int
+) -> Comparison:
+    """
+    Return the comparison of laws in a parameter file.
+
+    Parameters
+    ----------
+    file, settings
+        Parameter file, and NAME=VALUE as in `--set`.
+    laws, trials
+        Names as in `--laws` and `--trials`.
+    seeds
+        Number of runs of each law in each trial.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown or a value out of range, or if the scenario commands velocities.
+
+    """
+    scenario = scenario_of(file, settings)
+    controller = scenario['controller']
+    if takes_rates(controller):
+        raise InputError(
+            f'{file}: command_interface = velocity: only one law commands velocities; expected'
+            ' effort'
+        )
+    named = trials_named(trials)
+    chosen = contenders(laws, mechanism_from(scenario['plant']), controller['switching'])
+    if not sets_observer(named):
+        chosen = marked(chosen, controller)
+    return Comparison(scenario, chosen, named, seeds)
 
 
-def compute(task: Task) -> tuple[Outcome, ...]:
-    """Compute all runs of a contender; InputError for invalid settings."""
-    settings = (*task.settings, *task.contender.settings)
-    mechanism = mechanism_from(load_scenario(task.file, settings)['plant'])
-    computed = []
-    for trial in task.trials:
-        scenario = load_scenario(task.file, (*settings, *trial.settings_for(mechanism)))
-        runs = [drawn(scenario, mechanism, seed) for seed in range(task.seeds)]
-        together = LANES if task.seeds >= _WORTH_LANES else 1
-        reached: list[Metrics | None] = []
-        for first in range(0, len(runs), together):
-            block = runs[first:first + together]
-            # The last run is repeated in the remaining lanes: one kernel for all blocks.
-            padded = [*block, *[block[-1]] * (together - len(block))]
-            reached += _reached(padded, mechanism)[:len(block)]
-        computed.append(Outcome(task.contender, trial.name, tuple(reached)))
-    return tuple(computed)
+def compute(
+    comparison: Comparison,
+    *,
+    threads: int = 0,
+    scheduler: str = '',
+    advance: Callable[[int], object] = lambda _: None,
+) -> Rows:
+    """
+    Return the rows of all runs in their order.
 
+    Parameters
+    ----------
+    comparison
+        Comparison.
+    threads, scheduler
+        As for `campaign.engine.computed`.
+    advance
+        Called with numbers of runs that are done.
 
-def _reached(runs: Sequence[Mapping[str, Values]], mechanism: Mechanism) -> list[Metrics | None]:
-    """Return the metrics of runs that are computed together."""
-    loop = BatchSimulation(runs)
-    errors, torques = [], []
-    for signals in loop.run():
-        errors.append(signals['error'].copy())
-        torques.append(signals['torque'].copy())
-    error, torque = np.concatenate(errors), np.concatenate(torques)
-    period, points = loop.timing.period, mechanism.points
-    samples = (
-        Samples.of_ticks(error[:, :, lane], torque[:, :, lane], period, points)
-        for lane in range(len(runs))
-    )
-    return [
-        run.metrics() if np.isfinite(run.error).all() and np.isfinite(run.torque).all() else None
-        for run in samples
-    ]
+    Raises
+    ------
+    InputError
+        If no scheduler answers, or if the runs cannot be computed.
+
+    """
+    parts = []
+    results = computed(comparison, comparison.parts, threads=threads, scheduler=scheduler)
+    with closing(results):
+        for rows in results:
+            parts.append(rows)
+            advance(len(rows['run']))
+    parts.sort(key=lambda rows: int(rows['run'][0]))
+    return {name: np.concatenate([rows[name] for rows in parts]) for name in parts[0]}

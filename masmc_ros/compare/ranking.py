@@ -5,13 +5,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 import math
 
-from masmc_ros.compare.campaign import Outcome
+from masmc_ros.campaign.part import Rows
+from masmc_ros.compare.campaign import Comparison
 from masmc_ros.compare.contenders import Contender
 from masmc_ros.report.measure.metrics import declared, Metrics
+from masmc_ros.robot.declaration import Point
 import numpy as np
 
 LOST = 1.0
@@ -69,37 +71,50 @@ class Ranked:
     rows: Mapping[str, Row]
 
 
-def ranking(outcomes: Iterable[Outcome], first: str) -> list[Ranked]:
-    """Return the contenders by their error in the trial `first`, the smallest error first."""
-    rows: dict[Contender, dict[str, Row]] = {}
-    for outcome in outcomes:
-        rows.setdefault(outcome.contender, {})[outcome.trial] = _row(outcome.reached)
-    ranked = [Ranked(contender, trials) for contender, trials in rows.items()]
-    return sorted(ranked, key=lambda entry: (entry.rows[first].error, entry.contender.label))
+def ranking(comparison: Comparison, rows: Rows) -> list[Ranked]:
+    """
+    Return the contenders by their error in the first trial, the smallest error first.
+
+    `rows` are those of all runs, see `compare.campaign.compute`.
+    """
+    columns = {name: values.tolist() for name, values in rows.items()}
+    points = comparison.mechanism.points
+    first, results = 0, []
+    for contender in comparison.contenders:
+        by_trial = {}
+        for trial in comparison.trials:
+            runs = slice(first, first + comparison.seeds)
+            by_trial[trial.name] = _row({n: v[runs] for n, v in columns.items()}, points)
+            first = runs.stop
+        results.append(Ranked(contender, by_trial))
+    name = comparison.trials[0].name
+    return sorted(results, key=lambda entry: (entry.rows[name].error, entry.contender.label))
 
 
-def _together(reached: Metrics) -> float:
-    """Return the RMS distance of all points of a run together, m."""
-    return math.sqrt(sum((point.rms or 0.0) ** 2 for point in reached.points.values()))
+def _row(columns: Mapping[str, Sequence[float]], points: Sequence[Point]) -> Row:
+    """Return the results of the runs of a contender in a trial."""
+    distances = [
+        math.sqrt(sum(rms**2 for rms in of_run))
+        for of_run in zip(*(columns[f'{p.key}_rms'] for p in points), strict=True)
+    ]
+    largest = [
+        max(of_run) for of_run in zip(*(columns[f'{p.key}_max'] for p in points), strict=True)
+    ]
+    # The distances of a run that diverged are NaN.
+    kept = [k for k, distance in enumerate(distances) if distance < LOST]
+    lost = len(distances) - len(kept)
+    is_lost = 2 * lost > len(distances)
 
+    def median(values: Sequence[float]) -> float:
+        return float(np.median([values[k] for k in kept])) if kept and not is_lost else math.inf
 
-def _row(reached: tuple[Metrics | None, ...]) -> Row:
-    finite = [metrics for metrics in reached if metrics is not None]
-    kept = [metrics for metrics in finite if _together(metrics) < LOST]
-    lost = len(reached) - len(kept)
-    is_lost = 2 * lost > len(reached)
-
-    def median(values: Iterable[float | None]) -> float:
-        numbers = [value for value in values if value is not None]
-        return float(np.median(numbers)) if numbers and not is_lost else math.inf
-
-    points = tuple(finite[0].points) if finite else ()
+    has_points = not all(columns['lost'])
     return Row(
-        error=median(map(_together, kept)),
-        errors={p.key: median(run.points[p].rms for run in kept) for p in points},
-        worst=math.inf if lost else max(map(_together, kept)),
-        largest=median(max(p.largest or 0.0 for p in run.points.values()) for run in kept),
-        efforts={name: median(getattr(run, name) for run in kept) for name in COMPARED},
-        runs=len(reached),
+        error=median(distances),
+        errors={p.key: median(columns[f'{p.key}_rms']) for p in points if has_points},
+        worst=math.inf if lost else max(distances),
+        largest=median(largest),
+        efforts={name: median(columns[metric.name]) for name, metric in COMPARED.items()},
+        runs=len(distances),
         lost=lost,
     )

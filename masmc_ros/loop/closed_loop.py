@@ -328,12 +328,13 @@ def reduce_signals(
     signals: Records,
     points: Integers,
     settling: Array,
-    tick: int,
+    first: int,
     begin: int,
     end: int,
 ) -> None:
-    """Add the signals of a tick to the reduced ones; see `loop.reduction.reduce_tick`."""
-    reduce_tick(reduced[0], signals[0], points, settling, tick, begin, end)
+    """Add the signals (n) of tick `first` and the following ones to the reduced ones."""
+    for k in range(len(signals)):
+        reduce_tick(reduced[0], signals[k], points, settling, first + k, begin, end)
 
 
 # Checks for NaN and infinity.
@@ -371,7 +372,7 @@ def _self_difference(value: float) -> float:
 # Whole simulations.
 
 
-@kernel
+@kernel_of_threads
 def closed_loop(
     plant_settings: Records,
     plant_memory: Records,

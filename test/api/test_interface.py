@@ -132,6 +132,21 @@ def test_compare_has_the_rows_of_the_command(capsys: pytest.CaptureFixture[str],
 
 
 @pytest.mark.slow
+def test_compare_runs_in_a_script_without_main_guard(tmp_path: Path) -> None:
+    """Spawned processes would execute the script again, and start further ones."""
+    script = tmp_path / 'script.py'
+    script.write_text(
+        'import masmc_ros as masmc\n'
+        "table = masmc.compare_laws('paper', ['smc', 'rasmc'], trials='noise', duration=0.3)\n"
+        'print(table.num_rows)\n'
+    )
+    done = subprocess.run(
+        [sys.executable, str(script)], capture_output=True, text=True, timeout=300, check=True
+    )
+    assert done.stdout == '4\n'
+
+
+@pytest.mark.slow
 def test_tune_has_the_front_of_the_command(tmp_path: Path) -> None:
     tuned = masmc.tune(
         'paper', {'controller.k_s1': '20:200:log'}, evaluations=8, duration=0.3, threads=1

@@ -20,6 +20,7 @@ from masmc_ros.campaign.dataset import arrays
 from masmc_ros.campaign.engine import carry_out
 from masmc_ros.campaign.part import rows
 from masmc_ros.cli.main import main
+from masmc_ros.compare.campaign import comparison_of, compute
 import pytest
 
 pytestmark = pytest.mark.slow
@@ -66,6 +67,13 @@ def test_rows_are_those_of_one_process_if_worker_is_killed(tmp_path: Path) -> No
     assert killed
     assert len(list(tmp_path.iterdir())) > 10
     assert_equal(arrays(dataset.table()), rows(campaign, 0, 640))
+
+
+def test_comparison_on_cluster_has_rows_of_threads() -> None:
+    comparison = comparison_of(PAPER, ('duration=0.2',), 'smc,rasmc', 'noise', 8)
+    with cluster_of(2) as cluster:
+        distributed = compute(comparison, scheduler=cluster.scheduler_address)
+    assert_equal(distributed, compute(comparison, threads=2))
 
 
 def shadow(folder: Path, *, is_whole: bool) -> str:

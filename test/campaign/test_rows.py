@@ -19,7 +19,7 @@ from masmc_ros.campaign.axes import axis
 from masmc_ros.campaign.campaign import Campaign, campaign_of
 from masmc_ros.campaign.dataset import arrays, Dataset
 from masmc_ros.campaign.engine import carry_out
-from masmc_ros.campaign.part import metric_columns, rows
+from masmc_ros.campaign.part import evaluated, metric_columns, rows
 from masmc_ros.campaign.threads import computed
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
@@ -90,6 +90,12 @@ def test_rows_are_equal_for_all_batches_and_threads() -> None:
                 rest = {name: values[first:first + len(part['run'])]
                         for name, values in whole.items()}  # fmt: skip
                 assert_equal(part, rest)
+
+
+def test_runs_with_and_without_latency_are_computed_in_one_part() -> None:
+    campaign = campaign_of(PAPER, SETTINGS, axes=[axis('controller.latency=0,0.002')], repeats=2)
+    runs = list(campaign.runs(0, 4))
+    assert evaluated(runs, 2) == evaluated(runs, 1)
 
 
 def test_different_laws_and_periods_are_computed_in_one_part() -> None:

@@ -6,11 +6,13 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
+from helpers.campaigns import assert_equal
+from masmc_ros.campaign.runs import NODES
 from masmc_ros.cli.main import main
-from masmc_ros.compare import campaign
-from masmc_ros.compare.campaign import compute, Task
+from masmc_ros.compare.campaign import Comparison, comparison_of, compute
 from masmc_ros.compare.contenders import Contender, contenders, marked
 from masmc_ros.compare.ranking import ranking
 from masmc_ros.compare.trials import AS_IS, drawn, sets_observer, TRIALS, trials_named
@@ -65,20 +67,44 @@ def test_drawn_scenario_changes_plant_only_repeatably() -> None:
 
 
 @pytest.mark.slow
-def test_compare_lanes_and_single_runs_give_same_table(monkeypatch: pytest.MonkeyPatch) -> None:
-    task = Task(PAPER, SHORT, Contender('rasmc'), (AS_IS,), 5)
-    alone = compute(task)
-    monkeypatch.setattr(campaign, 'LANES', 4)
-    monkeypatch.setattr(campaign, '_WORTH_LANES', 1)
-    assert compute(task) == alone
+def test_compare_lanes_and_single_runs_give_same_rows(monkeypatch: pytest.MonkeyPatch) -> None:
+    comparison = comparison_of(PAPER, SHORT, 'rasmc', 'delay,noise', 5)
+    alone = compute(comparison)
+    monkeypatch.setattr(Comparison, 'lanes', 4)
+    assert_equal(compute(comparison), alone)
+
+
+def test_compare_runs_are_scenarios_with_settings_of_law_and_trial() -> None:
+    settings = ('controller.k_s1=80.0',)
+    comparison = comparison_of(PAPER, settings, 'smc:tanh,rasmc', 'all', 2)
+    again = Comparison.from_text(comparison.text)
+    assert again.text == comparison.text
+    assert again.key == comparison.key
+    runs = list(again.runs(0, again.total))
+    expected = [
+        drawn(
+            load_scenario(
+                PAPER, (*settings, *contender.settings, *trial.settings_for(TWO_LINK))
+            ),
+            TWO_LINK,
+            seed,
+        )
+        for contender in (Contender('smc', 'tanh'), Contender('rasmc'))
+        for trial in TRIALS
+        for seed in range(2)
+    ]
+    assert [run.scenario for run in runs] == [{n: e[n] for n in NODES} for e in expected]
+    assert list(again.runs(5, 4)) == runs[5:9]
+    assert sum(count for _, count in again.parts(5)) == again.total == len(runs)
 
 
 def test_compare_diverged_run_counts_as_lost() -> None:
     settings = (*SHORT, 'control_period=0.05', 'controller.k_s1=1e5')
-    (result,) = compute(Task(PAPER, settings, Contender('smc'), (AS_IS,), 1))
-    assert result.reached == (None,)
-    (ranked,) = ranking([result], AS_IS.name)
+    comparison = comparison_of(PAPER, settings, 'smc', AS_IS.name, 1)
+    (ranked,) = ranking(comparison, compute(comparison))
     assert ranked.rows[AS_IS.name].lost == 1
+    assert ranked.rows[AS_IS.name].errors == {}
+    assert math.isinf(ranked.rows[AS_IS.name].error)
 
 
 def test_compare_command_writes_printed_table(
@@ -114,6 +140,8 @@ def test_compare_command_writes_printed_table(
         (['--laws', 'nonlinear_feedback:tanh'], 'has no reaching term'),
         (['--trials', 'noisy'], "--trials: 'noisy' is unknown"),
         (['--seeds', '0'], "'0': expected a whole number >= 1"),
+        (['--threads', '0'], "'0': expected a whole number >= 1"),
+        (['--laws', 'smc', '--scheduler', 'nonsense://x'], 'no Dask scheduler answers'),
         (['--set', 'controller.command_interface=velocity', '--set',
           'plant.command_interface=velocity'], 'expected effort'),
     ],

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+import sys
 
 from helpers.lagrangian import matrices
 from helpers.robots import DEFAULT
@@ -15,6 +16,11 @@ import pytest
 import yaml
 
 ROOT = Path(__file__).resolve().parents[2]
+sys.path.append(str(ROOT / 'tools'))
+
+# tools/ is no package: its folder has to be in the path first.
+from campaign_maps import Grid, smallest_layer, swept, WEAK, WEAKER  # noqa: E402
+
 PAPER = ROOT / 'config' / 'paper.yaml'
 
 SMOOTH = 20.0
@@ -75,6 +81,21 @@ def test_boundary_layer_thinner_than_bound_chatters(
     assert below < bound < above
     assert variation(thin(below)) > CHATTERING
     assert variation(thin(above)) < SMOOTH
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(('period', 'delay'), [(1e-3, 1), (1e-3, 3), (1e-3, 6), (5e-3, 0)])
+def test_boundary_layer_of_old_states_is_bounded(period: float, delay: int) -> None:
+    """The line in docs/images/stability.png; `delay` is the age of the states in periods."""
+    limit = float(smallest_layer(period, WEAK, delay))
+    layers = Grid('controller.boundary_layer', (0.85 * limit, 1.2 * limit), '')
+    ages = Grid('plant.measurement_delay', (delay * period,), '')
+    (variations,) = swept(
+        'torque_variation', ages, layers, ['smc'], control_period=period, **WEAKER
+    )
+    below, above = variations[0].tolist()
+    assert below > 100.0 * above
+    assert above < SMOOTH
 
 
 @pytest.mark.parametrize('gain', [0.25, 0.5, 1.0])

@@ -32,7 +32,7 @@ import yaml
 
 each_page = pytest.mark.parametrize('page', PAGES, ids=page_name)
 COMPOSED = ('plant', 'trajectory', 'controller', 'recorder')
-UNCHECKED = {'git', 'cd', '.', 'rosdep', 'colcon', 'ssh', 'rviz2', 'sudo'}
+UNCHECKED = {'git', 'cd', '.', 'dask', 'rosdep', 'colcon', 'ssh', 'rviz2', 'sudo'}
 """Commands of other programs, which use nothing of this repository."""
 
 

@@ -54,6 +54,14 @@ INSIDE = re.compile(r'# in masmc_ros/([\w/]+)\.py\b')
 SAMPLES = {'tiago.yaml': 'tiago', 'other.mcap': '', 'run.mcap': ''}
 """Files that pages use and do not write, and the configurations they are; others are `paper`."""
 
+CAMPAIGNS = ('sweep', 'monte-carlo', 'tune')
+
+SMALLER = {'--seeds': '2', '--runs': '2', '--evaluations': '4'}
+"""Options of commands that compute many runs, with numbers that take little time."""
+
+WHOLE = {'run.mcap', '--list', 'excite.yaml'}
+"""Arguments of `masmc simulate` whose run is not shortened."""
+
 
 class PageRun:
     """
@@ -197,6 +205,8 @@ class PageRun:
                 return self._view(arguments)
             case ['masmc', 'demo', *arguments] if '--robot' in arguments:
                 return None  # as long as a whole run of this robot
+            case ['masmc', *arguments] if '--scheduler' in arguments:
+                return None  # test_cluster.py has one
             case ['masmc' | 'ros2', 'param', *arguments]:
                 if not self._nodes:  # the page assumes running nodes
                     self._start(['controller'])
@@ -211,20 +221,23 @@ class PageRun:
         return None
 
     def _shortened(self, arguments: list[str]) -> list[str]:
-        if arguments[0] == 'compare' or (
-            arguments[0] == 'simulate' and not {'run.mcap', '--list'} & set(arguments[1:2])
+        command = arguments[0]
+        if command in ('compare', *CAMPAIGNS) or (
+            command == 'simulate' and not WHOLE & set(arguments[1:2])
         ):
             arguments += ['--set', 'duration=0.2']
-        if '--seeds' in arguments:
-            arguments[arguments.index('--seeds') + 1] = '2'
-        if arguments[0] == 'compare' and '--laws' not in arguments:
-            arguments += ['--laws', 'smc,rasmc']  # not all laws: each is compiled for lanes
+        for option, value in SMALLER.items():
+            if option in arguments:
+                arguments[arguments.index(option) + 1] = value
+        if command == 'compare' and '--laws' not in arguments:
+            arguments += ['--laws', 'smc,rasmc']  # not all laws: each is compiled
         return arguments
 
     def _masmc(self, arguments: list[str]) -> str:
         self._prepare(arguments)
         # These start processes, or compile for longer than the patience of a forked command.
-        is_fresh = any(self._site.iterdir()) or arguments[0] in ('compare', 'demo', 'laws')
+        is_long = arguments[0] in ('compare', 'demo', 'laws', *CAMPAIGNS)
+        is_fresh = is_long or any(self._site.iterdir())
         run = _run_fresh if is_fresh else run_command
         done = run(*arguments, folder=self._folder, environment=self._variables)
         # `masmc param set` prints why a value is rejected.
@@ -240,6 +253,7 @@ class PageRun:
                 config = ROOT / 'config' / f'{SAMPLES.get(word, "paper")}.yaml'
                 written = self._folder / word
                 sample = self._log if word.endswith('.mcap') else config
+                path.parent.mkdir(exist_ok=True)
                 shutil.copy(written if written.exists() else sample, path)
 
     def _start(self, arguments: list[str]) -> None:

@@ -6,18 +6,21 @@
 from __future__ import annotations
 
 import argparse
-from itertools import chain
 from pathlib import Path
 
-from masmc_ros.cli.arguments import add_file, add_json, add_output, add_settings, count
-from masmc_ros.compare.campaign import outcomes
+from masmc_ros.cli.arguments import (
+    add_file,
+    add_json,
+    add_output,
+    add_settings,
+    add_workers,
+    count,
+)
+from masmc_ros.compare.campaign import comparison_of, compute
 from masmc_ros.compare.ranking import ranking
 from masmc_ros.compare.tables import as_json, page, text
-from masmc_ros.compare.tasks import tasks_of
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.report.aligned import WIDTH
-from masmc_ros.report.files import make_folder, write_file
-from masmc_ros.robot.mechanisms import mechanism_from
+from masmc_ros.report.files import check_folder, make_folder, write_file
 from masmc_ros.share import scenario_file
 from tqdm import tqdm
 
@@ -52,31 +55,37 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_settings(parser)
     add_output(parser, 'compare')
+    add_workers(parser)
     add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
     """Compute the runs of all laws in all trials, print the tables and write them."""
     file = scenario_file(options.file)
-    scenario = load_scenario(file, options.set)
-    tasks = tasks_of(file, options.set, scenario, options.laws, options.trials, options.seeds)
-    trials = tasks[0].trials
-    mechanism = mechanism_from(scenario['plant'])
+    comparison = comparison_of(
+        file, options.set, options.laws, options.trials, options.seeds
+    )
+    trials, points = comparison.trials, comparison.mechanism.points
     folder = Path(options.output)
-    make_folder(folder)
-    done = tqdm(outcomes(tasks), total=len(tasks), unit='law', disable=None)
-    ranked = ranking(chain.from_iterable(done), trials[0].name)
+    check_folder(folder)
+    with tqdm(total=comparison.total, unit='run', disable=None) as progress:
+        rows = compute(
+            comparison, threads=options.threads, scheduler=options.scheduler,
+            advance=progress.update,
+        )  # fmt: skip
+    ranked = ranking(comparison, rows)
     data = as_json(ranked) + '\n'
     contents = {
-        'compare.html': page(ranked, trials, mechanism.points, Path(file).name),
-        'compare.txt': text(ranked, trials, mechanism.points),
+        'compare.html': page(ranked, trials, points, Path(file).name),
+        'compare.txt': text(ranked, trials, points),
         'compare.json': data,
     }
+    make_folder(folder)
     for name, content in contents.items():
         write_file(folder / name, content.encode())
     if options.json:
         print(data, end='')
     else:
-        print(text(ranked, trials, mechanism.points, WIDTH))
+        print(text(ranked, trials, points, WIDTH))
         print(f'report: {folder}/ ({", ".join(contents)})')
     return 0

@@ -1,0 +1,132 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Runs that follow from a description and from their numbers."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+import hashlib
+from typing import Self
+
+from masmc_ros import __version__
+from masmc_ros.campaign.variable import Scenario, Variable
+from masmc_ros.log.write.provenance import git_state
+from masmc_ros.params.declaration import check_all, MutableValues
+from masmc_ros.params.node_parameters import declared
+from masmc_ros.params.scenario import load_scenario
+from masmc_ros.robot.declaration import Mechanism, URDF
+from masmc_ros.robot.mechanisms import mechanism_from
+
+NODES = ('plant', 'trajectory', 'controller')
+"""Nodes of a simulated run."""
+
+LANES = 16
+"""Number of runs side by side, which fills the widest vectors twice."""
+
+WORTH_LANES = 4 * LANES
+"""Number of runs with equal kernel from which compilation for lanes is faster."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """
+    A run of a campaign.
+
+    Attributes
+    ----------
+    number
+        Number of the run, from 0.
+    values
+        Values of the variables by name: those of the axes, then drawn ones.
+    scenario
+        Checked values by node and name.
+
+    """
+
+    number: int
+    values: MutableValues
+    scenario: Scenario
+
+
+class Description(ABC):
+    """
+    Description of runs, which any thread, process or machine computes alike.
+
+    Attributes
+    ----------
+    scenario
+        Checked values of NODES that all runs start from. A URDF is its text, not its path.
+
+    """
+
+    scenario: Scenario
+
+    @property
+    @abstractmethod
+    def total(self) -> int:
+        """Return the number of runs."""
+
+    @property
+    @abstractmethod
+    def lanes(self) -> int:
+        """Return the number of runs that are computed side by side."""
+
+    @cached_property
+    def mechanism(self) -> Mechanism:
+        """Return the type of the robot."""
+        return mechanism_from(self.scenario['plant'])
+
+    @cached_property
+    def variables(self) -> tuple[Variable, ...]:
+        """Return the parameters that have a column in the rows."""
+        return ()
+
+    @property
+    @abstractmethod
+    def text(self) -> str:
+        """Return the description as JSON, from which `from_text` makes it again."""
+
+    @classmethod
+    @abstractmethod
+    def from_text(cls, text: str) -> Self:
+        """Return the description of a JSON text."""
+
+    @cached_property
+    def key(self) -> str:
+        """Return the digest of the description and of the code."""
+        content = f'{self.text} {__version__} {git_state()}'
+        return hashlib.sha256(content.encode()).hexdigest()[:16]
+
+    @abstractmethod
+    def runs(self, first: int, count: int) -> Iterator[Run]:
+        """
+        Yield the runs `first` to `first + count - 1`.
+
+        Raises InputError for values that a node would reject.
+        """
+
+    def parts(self, size: int) -> Iterator[tuple[int, int]]:
+        """Yield first run and number of runs of parts with at most `size` runs."""
+        for first in range(0, self.total, size):
+            yield first, min(size, self.total - first)
+
+
+def scenario_of(file: str, settings: Sequence[str]) -> Scenario:
+    """Return the checked values of NODES of a parameter file, with the text of its URDF."""
+    scenario = load_scenario(file, settings)
+    urdf = scenario['plant'].get(URDF)
+    if not urdf:
+        return {node: scenario[node] for node in NODES}
+    from masmc_ros.robot.tree.tree_mechanism import described
+
+    return {node: {**scenario[node], URDF: described(urdf)[0]} for node in NODES}
+
+
+def checked_scenario(values: Scenario) -> Scenario:
+    """Return the checked values of a scenario that was read from JSON."""
+    mechanism = mechanism_from(values['plant'])
+    return {node: check_all(declared(node, mechanism), values[node]) for node in NODES}
