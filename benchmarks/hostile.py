@@ -18,6 +18,8 @@ import re
 import struct
 from typing import Any
 
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 import numpy as np
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rclpy.serialization import deserialize_message, serialize_message
@@ -263,6 +265,9 @@ class RandomInput:
             request.parameters = [self.parameter(known) for _ in range(count)]
             return request
         self.fill(request)
+        if service is ChangeState and self._is_tame:
+            # A controller that is shut down does not follow its path again.
+            request.transition.id %= Transition.TRANSITION_UNCONFIGURED_SHUTDOWN
         if 'names' in fields and self.random.random() < 0.7:
             request.names = [self.name(known) for _ in range(self.length(40))]
         return request

@@ -30,6 +30,7 @@ from typing import Any
 from benchmarks.hostile import RandomInput
 from benchmarks.hostile_client import HostileClient
 from benchmarks.live_nodes import memory
+from lifecycle_msgs.msg import Transition
 from masmc_ros.cli.endings import child_environment
 from masmc_ros.cli.private_domain import private_domain
 from masmc_ros.errors import InputError
@@ -431,10 +432,11 @@ class HostileRun:
                 self.changes[' '.join(text.split()[:2])] = self.actions[-1]
 
     def _repair(self, client: HostileClient) -> None:
-        """Resume the plant, clear a fault and enable the controller."""
+        """Resume the plant, clear a fault, configure and enable the controller."""
         for target, service, fields in (
             ('plant', 'pause', {'data': False}),
             ('controller', 'clear_fault', {}),
+            ('controller', 'change_state', {'transition': Transition(label='configure')}),
             ('controller', 'enable', {'data': True}),
         ):
             text = client.call(target, service, **fields)

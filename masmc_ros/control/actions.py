@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from masmc_ros.control.lifecycle import LifecycleState
 from masmc_ros.errors import UserError
 from masmc_ros.params.declaration import Values
 
@@ -85,6 +86,7 @@ class State(NamedTuple):
 
     text: str
     level: str
+    lifecycle: LifecycleState
 
 
 class Line(NamedTuple):

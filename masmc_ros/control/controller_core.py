@@ -33,6 +33,7 @@ from masmc_ros.control.actions import (
     Wait,
 )
 from masmc_ros.control.layer_watch import LayerWatch
+from masmc_ros.control.lifecycle import find_transition, LifecycleState, state_of
 from masmc_ros.control.pacing import Pacing, PACINGS
 from masmc_ros.control.stamp_order import Order, StampOrder
 from masmc_ros.control.state_lateness import StateLateness
@@ -45,6 +46,7 @@ from masmc_ros.loop.controller_events import (
     ADAPTATION_RESET,
     DEACTIVATED,
     GUIDED,
+    RELEASED,
     RESUMED,
     UNFOLDED,
 )
@@ -372,6 +374,14 @@ class ControllerCore:
         self.supervisor.clear()
         return self._after_change(now)
 
+    def enable_refusal(self, *, enabled: bool) -> str:
+        """Return why the law cannot be activated; empty if it can, or if it is to end."""
+        supervisor = self.supervisor
+        if not enabled or supervisor.is_configured:
+            return ''
+        remedy = 'start the node again' if supervisor.is_shut_down else 'configure it first'
+        return f'{supervisor.text}; {remedy}'
+
     def guide_refusal(self, *, enabled: bool) -> str:
         """Return why hand guiding cannot start or end; empty if it can."""
         if not enabled:
@@ -380,7 +390,7 @@ class ControllerCore:
             return 'hand guiding needs command_interface = effort'
         if self.supervisor.state == FAULT:
             return f'{self.supervisor.text}; call ~/clear_fault first'
-        return ''
+        return self.enable_refusal(enabled=enabled)
 
     def on_guide(self, now: float, *, enabled: bool) -> Actions:
         """Start hand guiding, or end it with an approach from the current position."""
@@ -389,6 +399,37 @@ class ControllerCore:
         else:
             self._enable(now)
         return self._after_change(now)
+
+    @property
+    def lifecycle(self) -> LifecycleState:
+        """Return the state as a managed node."""
+        return state_of(self.supervisor)
+
+    def on_transition(self, number: int, label: str, now: float) -> Actions | None:
+        """
+        Perform a lifecycle transition; return None if it is not available in this state.
+
+        Parameters
+        ----------
+        number, label
+            Number and label of the transition in lifecycle_msgs; a label takes precedence.
+        now
+            Time in s.
+
+        """
+        transition = find_transition(self.lifecycle, number, label)
+        if transition is None:
+            return None
+        if transition.label == 'configure':
+            self.supervisor.configure()
+            return self._after_change(now)
+        if transition.label in ('activate', 'deactivate'):
+            return self.on_enable(now, enabled=transition.label == 'activate')
+        if transition.label == 'cleanup':
+            self.supervisor.clean_up()
+        else:
+            self.supervisor.shut_down()
+        return self._release(now)
 
     def on_reset_adaptation(self) -> Actions:
         """Reset the adaptation; the next tick records it."""
@@ -649,6 +690,15 @@ class ControllerCore:
         if self._watched < math.inf:
             self._watched = now
 
+    def _release(self, now: float) -> Actions:
+        """Send a void command, as a controller that has not moved the robot."""
+        self._computed, self._has_guided = None, False
+        self._queue_record(RELEASED)
+        actions = self._after_change(now)
+        if self.pacing.is_timed and self._stop.commands:
+            self._halt()
+        return (*actions, *self._take_more())
+
     def _is_alive_when_repeated(self) -> bool:
         """
         Return True if a repeated state shows that the robot is alive.
@@ -702,7 +752,7 @@ class ControllerCore:
             is_fault = self.supervisor.state == FAULT
             level = 'error' if is_fault else 'info' if self._published else ''
             self._published = text
-            self._more.append(State(text, level))
+            self._more.append(State(text, level, self.lifecycle))
 
     def _fail(self, cause: str, reason: str, *, is_latched: bool = False) -> None:
         self.supervisor.fail(cause, reason, is_latched=is_latched)

@@ -10,6 +10,9 @@ ACTIVE = 'active'
 FAULT = 'fault'
 
 _GUIDED = 'hand guiding'
+_NEW = 'not enabled yet'
+_UNCONFIGURED = 'not configured'
+_SHUT_DOWN = 'shut down'
 
 NO_REFERENCE = 'no reference'
 """Start of the reason of a fault because the reference ended."""
@@ -29,7 +32,8 @@ class Supervisor:
     Mode of the controller, changed by its services and by faults.
 
     The law is computed in `active` only. A passing fault ends with its cause, a latched one when
-    it is cleared or the controller is enabled. After an activation the law restarts.
+    it is cleared or the controller is enabled. After an activation the law restarts. Without a
+    configuration, only `configure` and `shut_down` have an effect; after `shut_down` nothing has.
 
     Attributes
     ----------
@@ -53,7 +57,7 @@ class Supervisor:
     def __init__(self, *, active: bool) -> None:
         """Initialise as active, or as inactive until it is enabled."""
         self.activations = 0
-        self._enter(INACTIVE, 'not enabled yet')
+        self._enter(INACTIVE, _NEW)
         if active:
             self.enable()
 
@@ -63,17 +67,42 @@ class Supervisor:
         return f'{self.state}: {self.reason}' if self.reason else self.state
 
     def enable(self) -> None:
-        """Change to active from any state; clear every fault."""
-        if self.state != ACTIVE:
+        """Change to active from any configured state; clear every fault."""
+        if self.state != ACTIVE and self.is_configured:
             self._enter(ACTIVE)
             self.activations += 1
 
     def disable(self) -> None:
-        """Change to inactive from any state; clear every fault."""
-        self._enter(INACTIVE, 'disabled')
+        """Change to inactive from any configured state; clear every fault."""
+        if self.is_configured:
+            self._enter(INACTIVE, 'disabled')
+
+    def configure(self) -> None:
+        """Change from unconfigured to inactive."""
+        if not (self.is_configured or self.is_shut_down):
+            self._enter(INACTIVE, _NEW)
+
+    def clean_up(self) -> None:
+        """Change to unconfigured from any configured state; clear every fault."""
+        if self.is_configured:
+            self._enter(INACTIVE, _UNCONFIGURED)
+
+    def shut_down(self) -> None:
+        """Change to the final state, which no event ends."""
+        self._enter(INACTIVE, _SHUT_DOWN)
+
+    @property
+    def is_configured(self) -> bool:
+        """Return False if neither activation nor fault is possible."""
+        return self.state != INACTIVE or self.reason not in (_UNCONFIGURED, _SHUT_DOWN)
+
+    @property
+    def is_shut_down(self) -> bool:
+        """Return True in the final state."""
+        return self.state == INACTIVE and self.reason == _SHUT_DOWN
 
     def guide(self) -> None:
-        """Change to hand guiding; the caller has checked that there is no fault."""
+        """Change to hand guiding; the caller has checked that this is possible."""
         self._enter(INACTIVE, _GUIDED)
 
     @property
@@ -82,7 +111,7 @@ class Supervisor:
         return self.state == INACTIVE and self.reason == _GUIDED
 
     def stop(self) -> None:
-        """Change to the latched fault of an emergency stop, from any state."""
+        """Change to the latched fault of an emergency stop, from any configured state."""
         self.fail('emergency stop', 'emergency stop', is_latched=True)
 
     def clear(self) -> bool:
@@ -96,8 +125,8 @@ class Supervisor:
         """
         Change to a fault if it has an effect in the present state; return True then.
 
-        Only an active controller has a passing fault. A latched fault takes effect in all states
-        except another latched fault, whose reason stays.
+        Only an active controller has a passing fault. A latched fault takes effect in all
+        configured states except another latched fault, whose reason stays.
 
         Parameters
         ----------
@@ -109,7 +138,8 @@ class Supervisor:
             True if the fault stays until it is cleared.
 
         """
-        has_effect = (self.state != FAULT or not self.is_latched) if is_latched else self.is_active
+        is_new = self.is_configured and not (self.state == FAULT and self.is_latched)
+        has_effect = is_new if is_latched else self.is_active
         if has_effect:
             self._enter(FAULT, reason, cause, is_latched=is_latched)
         return has_effect

@@ -23,4 +23,7 @@ UNFOLDED = 'leaving a singular posture'
 ADAPTATION_RESET = 'adaptation reset'
 """The adaptation is reset; the last command persists."""
 
-EVENTS = (ACTIVATED, RESUMED, DEACTIVATED, GUIDED, UNFOLDED, ADAPTATION_RESET)
+RELEASED = 'released'
+"""The controller no longer holds the robot; `deactivated` commands no torque from here on."""
+
+EVENTS = (ACTIVATED, RESUMED, DEACTIVATED, GUIDED, UNFOLDED, ADAPTATION_RESET, RELEASED)

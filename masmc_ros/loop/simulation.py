@@ -17,6 +17,7 @@ from masmc_ros.loop.controller_events import (
     ADAPTATION_RESET,
     DEACTIVATED,
     GUIDED,
+    RELEASED,
     RESUMED,
     UNFOLDED,
 )
@@ -139,6 +140,8 @@ class Simulation:
             self.controller.reset_adaptation()
         elif change.event == RESUMED:
             self._stop.end()
+        elif change.event == RELEASED:
+            self._has_moved = False
         elif change.event in (DEACTIVATED, GUIDED, UNFOLDED):
             action = GUIDE if change.event == GUIDED else UNFOLD
             if change.event == DEACTIVATED:

@@ -28,6 +28,7 @@ from masmc_ros.control.actions import (
 )
 from masmc_ros.control.controller_core import ControllerCore
 from masmc_ros.control.layer_watch import LayerWatch
+from masmc_ros.control.lifecycle import FINALIZED, transitions_from, UNCONFIGURED
 from masmc_ros.errors import InputError
 from masmc_ros.loop.closed_loop import NOT_FINITE
 from masmc_ros.loop.controller import Controller
@@ -122,7 +123,7 @@ class Core(RuleBasedStateMachine):
                 assert self.sent is not None
                 assert len(actions) == 1
             elif kind is State:
-                self.text = action.text
+                self.text, self.lifecycle = action.text, action.lifecycle
             elif kind is Record:
                 assert len(answers) == 1
                 assert action.stamp == answers[0].stamp
@@ -143,6 +144,10 @@ class Core(RuleBasedStateMachine):
         assert self.waiting == self.core._pending or self.is_over
         assert self.is_over or self.core.supervisor.is_active or self.waiting is None
         assert self.text == self.core.supervisor.text
+        assert self.lifecycle == self.core.lifecycle
+        if self.lifecycle in (UNCONFIGURED, FINALIZED):
+            assert self.sent is None or self.sent[0] == 'Void' or not self.core.pacing.is_timed
+            assert all(type(answer) is Void for answer in answers)
 
     while_running = precondition(lambda self: not self.is_over)
 
@@ -234,7 +239,8 @@ class Core(RuleBasedStateMachine):
     @rule(enabled=st.booleans())
     def enable(self, enabled: bool) -> None:
         self.perform(self.core.on_enable(self.now, enabled=enabled))
-        assert self.core.supervisor.is_active == enabled
+        expected = enabled and not self.core.enable_refusal(enabled=True)
+        assert self.core.supervisor.is_active == expected
 
     @while_running
     @rule()
@@ -251,6 +257,29 @@ class Core(RuleBasedStateMachine):
         if not self.core.guide_refusal(enabled=enabled):
             self.perform(self.core.on_guide(self.now, enabled=enabled))
             assert self.core.supervisor.is_guided == enabled
+
+    @while_running
+    @rule(
+        number=st.sampled_from([0, 1, 2, 3, 4, 5, 6, 7, 60, 99]),
+        label=st.sampled_from(['', '', '', 'configure', 'cleanup', 'activate', 'create']),
+    )
+    def transition(self, number: int, label: str) -> None:
+        available = {
+            key: transition.goal
+            for transition in transitions_from(self.core.lifecycle)
+            for key in (transition.label, transition.number)
+        }
+        before = self.core.lifecycle, self.text
+        actions = self.core.on_transition(number, label, self.now)
+        if (label or number) in available:
+            assert actions is not None
+            self.perform(actions)
+            # The law of a pending state may fail at once.
+            goal = available[label or number]
+            assert self.lifecycle == goal or self.text.startswith('fault')
+        else:
+            assert actions is None
+            assert (self.core.lifecycle, self.core.supervisor.text) == before
 
     @while_running
     @rule()

@@ -30,6 +30,9 @@ EVENTS = {
     'fail law': lambda s: s.fail('law', 'not finite', is_latched=True),
     'recover states': lambda s: s.recover('states', is_restart=False),
     'recover reference': lambda s: s.recover('reference', is_restart=True),
+    'configure': lambda s: s.configure(),
+    'clean up': lambda s: s.clean_up(),
+    'shut down': lambda s: s.shut_down(),
 }
 
 
@@ -50,17 +53,23 @@ def test_supervisor_random_events_active_only_after_enable(
     active: bool, events: list[str]
 ) -> None:
     supervisor = Supervisor(active=active)
-    is_blocked = not active
+    is_blocked, is_released, is_over = not active, False, False
     for event in events:
         previous, cause = supervisor.state, supervisor.cause
         activations = supervisor.activations
         EVENTS[event](supervisor)
+        is_over |= event == 'shut down'
+        is_released |= is_over or event == 'clean up'
+        is_released &= is_over or event != 'configure'
+        assert supervisor.is_configured != is_released
         # A stopped, disabled or never enabled controller becomes active only by `enable`.
-        is_blocked |= event in ('stop', 'disable', 'fail law')
-        is_blocked &= event != 'enable'
+        is_blocked |= event in ('stop', 'disable', 'fail law') or is_released
+        is_blocked &= event != 'enable' or is_released
         if is_blocked:
             assert not supervisor.is_active
-        if event in ('enable', 'stop'):
+        if is_released:
+            assert supervisor.state == INACTIVE
+        elif event in ('enable', 'stop'):
             assert supervisor.state == {'enable': ACTIVE, 'stop': FAULT}[event]
         if previous != ACTIVE and supervisor.is_active:
             assert event == 'enable' or event == f'recover {cause}'

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Processes that launch/paper.launch.py starts, determined without the package `launch`."""
+"""Processes that the files of launch/ start, determined without the package `launch`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from unittest.mock import patch
 import yaml
 
 ROOT = Path(__file__).resolve().parents[2]
-LAUNCH_FILE = ROOT / 'launch' / 'paper.launch.py'
+PAPER = 'paper.launch.py'
 
 
 class Started(NamedTuple):
@@ -84,19 +84,21 @@ def stand_ins() -> Iterator[None]:
     sys.modules.update(imported)
 
 
-def launched(folder: Path, **arguments: str) -> list[Started]:
+def launched(folder: Path, file: str = PAPER, **arguments: str) -> list[Started]:
     """
-    Return the processes of the launch file for launch arguments NAME=text.
+    Return the processes of a launch file for launch arguments NAME=text.
 
     launch_ros of ROS 2 Jazzy writes a node's settings into a separate parameter file for `/**`.
     Here this file is in `folder`; it follows the files that the node names.
     """
     with stand_ins():
-        description = runpy.run_path(str(LAUNCH_FILE))['generate_launch_description']()
+        description = runpy.run_path(str(ROOT / 'launch' / file))['generate_launch_description']()
         declared = [action for action in description if isinstance(action, _Argument)]
         unknown = arguments.keys() - {argument.name for argument in declared}
         assert not unknown, unknown
         context = {argument.name: argument.default_value for argument in declared} | arguments
+        for argument in declared:
+            assert not argument.choices or context[argument.name] in argument.choices
         (function,) = (a.function for a in description if isinstance(a, _Function))
         nodes = [action for action in function(context) if isinstance(action, _Node)]
     return [_started(node, folder / f'launch_{n}.yaml') for n, node in enumerate(nodes)]

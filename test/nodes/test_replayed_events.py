@@ -10,9 +10,16 @@ from typing import Any
 
 from helpers.log_contents import read_log
 from helpers.processes import NODES, PAPER, Peer, peer, Processes, processes, ros_arguments
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 from masmc_ros.cli.main import main
 from masmc_ros.log.read.reader import read_run
-from masmc_ros.loop.controller_events import ACTIVATED, ADAPTATION_RESET, DEACTIVATED
+from masmc_ros.loop.controller_events import (
+    ACTIVATED,
+    ADAPTATION_RESET,
+    DEACTIVATED,
+    RELEASED,
+)
 from masmc_ros.messages.names import TELEMETRY, telemetry_topic
 import pytest
 from std_srvs.srv import SetBool, Trigger
@@ -53,6 +60,11 @@ class Run:
     def enable(self, value: bool) -> None:
         request = SetBool.Request(data=value)
         assert self.tester.call(SetBool, '/controller/enable', request).success
+
+    def change(self, label: str) -> None:
+        request = ChangeState.Request(transition=Transition(label=label))
+        name = '/controller/change_state'
+        assert self.tester.call(ChangeState, name, request, again=False).success
 
     def trigger(self, name: str) -> None:
         assert self.tester.call(Trigger, name, Trigger.Request(), again=False).success
@@ -106,6 +118,29 @@ def test_lockstep_run_with_events_equals_recomputed_run(
     assert events.count(ACTIVATED) >= 3
     assert events.count(DEACTIVATED) >= 2
     assert events.count(ADAPTATION_RESET) == 2
+    check_recomputed(log, tmp_path, capsys)
+
+
+@pytest.mark.slow
+def test_lockstep_lifecycle_equals_recomputed_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = tmp_path / 'run.mcap'
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        run = Run(started, tester, log, **ADAPTIVE)
+        run.wait_for_progress()
+        for transition in ('deactivate', 'cleanup', 'configure', 'activate', 'shutdown'):
+            run.change(transition)
+            run.wait_for_progress()
+        assert set(started.wait().values()) == {0}, started.output()
+    assert [change.event for change in read_run(log).changes] == [
+        DEACTIVATED,
+        RELEASED,
+        DEACTIVATED,
+        ACTIVATED,
+        RELEASED,
+        DEACTIVATED,
+    ]
     check_recomputed(log, tmp_path, capsys)
 
 

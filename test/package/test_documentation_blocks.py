@@ -24,6 +24,7 @@ from helpers.launch_file import launched
 from helpers.pages import all_commands, blocks, page_name, PAGES, ROOT
 from masmc_ros.cli.commands.run import NODES
 from masmc_ros.cli.main import parser_for
+from masmc_ros.control.lifecycle import TRANSITIONS
 from masmc_ros.messages.topics import TOPICS
 from masmc_ros.params.node_parameters import declared
 from masmc_ros.robot.mechanisms import DEFAULT, mechanism_from
@@ -87,12 +88,16 @@ def _ros2(words: Sequence[str], folder: Path) -> None:
     match words[1:]:
         case ['run', 'masmc_ros', node, *arguments]:
             check_node(node, arguments)
-        case ['launch', 'masmc_ros', 'paper.launch.py', *arguments]:
-            launched(folder, **dict(argument.split(':=') for argument in arguments))
+        case ['launch', 'masmc_ros', file, *arguments]:
+            launched(folder, file, **dict(argument.split(':=') for argument in arguments))
         case ['param', 'get' | 'set', node, name, *_]:
             assert name in known(node.rpartition('/')[2])
         case ['service', 'call', name, kind, *_]:
             assert (kind, name) in services()
+        case ['lifecycle', 'get', '/controller']:
+            pass
+        case ['lifecycle', 'set', '/controller', label]:
+            assert label in {transition.label for transition in TRANSITIONS}
         case ['topic', 'echo', topic]:
             assert topic in {t.name for t in TOPICS} | {f'/{t.name}' for t in TOPICS}
         case ['bag', *_]:
@@ -158,6 +163,7 @@ def test_commands_in_text_have_valid_arguments(page: Path, tmp_path: Path) -> No
         'ros2 launch masmc_ros paper.launch.py robot:=tiago',
         'ros2 param set /controller ks_1 1',
         'ros2 service call /controller/enable std_srvs/srv/Trigger',
+        'ros2 lifecycle set /controller start',
         'make everything',
         'pip install foxglove',
         'python -m benchmarks.none',

@@ -12,6 +12,7 @@ import time
 from typing import Any, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray
+from lifecycle_msgs.msg import TransitionEvent
 from masmc_ros.control.actions import (
     Actions,
     Command,
@@ -20,6 +21,7 @@ from masmc_ros.control.actions import (
     Halt,
     HaltCommand,
     Line,
+    NOTHING,
     Record,
     Repeat,
     State,
@@ -44,6 +46,7 @@ from masmc_ros.messages.parameter_record import record_of
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.nodes.controller.command_output import BaseOutput, CommandOutput, TorqueOutput
 from masmc_ros.nodes.controller.health import ControllerHealth
+from masmc_ros.nodes.controller.lifecycle_services import LifecycleServices
 from masmc_ros.nodes.controller.reference_input import ReferenceInput
 from masmc_ros.nodes.controller.state_input import StateInput
 from masmc_ros.nodes.controller.telemetry_output import ControllerTelemetry
@@ -130,6 +133,12 @@ class ControllerNode(SuiteNode):
         node.create_service(Trigger, '~/emergency_stop', self._on_stop)
         node.create_service(Trigger, '~/clear_fault', self._on_clear)
         node.create_service(Trigger, '~/reset_adaptation', self._on_reset)
+        self._lifecycle = LifecycleServices(
+            node,
+            self.stream(TransitionEvent, '~/transition_event'),
+            lambda: core.lifecycle,
+            self._change_state,
+        )
         self._perform(core.start())
         self._perform(core.on_code(self._awaited, time.monotonic()))
         self.parameters.on_request(self._request)
@@ -240,6 +249,9 @@ class ControllerNode(SuiteNode):
     def _on_enable(
         self, request: SetBool.Request, response: SetBool.Response
     ) -> SetBool.Response:
+        obstacle = self._core.enable_refusal(enabled=request.data)
+        if obstacle:
+            return _rejected(response, obstacle)
         actions = self._core.on_enable(time.monotonic(), enabled=request.data)
         return self._respond(response, actions)
 
@@ -248,8 +260,7 @@ class ControllerNode(SuiteNode):
     ) -> SetBool.Response:
         obstacle = self._core.guide_refusal(enabled=request.data)
         if obstacle:
-            response.success, response.message = False, obstacle
-            return response
+            return _rejected(response, obstacle)
         actions = self._core.on_guide(time.monotonic(), enabled=request.data)
         return self._respond(response, actions)
 
@@ -259,14 +270,17 @@ class ControllerNode(SuiteNode):
     def _on_clear(self, _: object, response: Trigger.Response) -> Trigger.Response:
         supervisor = self._core.supervisor
         if supervisor.state != FAULT:
-            response.success = False
-            response.message = f'{supervisor.text}; there is no fault'
-            return response
+            return _rejected(response, f'{supervisor.text}; there is no fault')
         return self._respond(response, self._core.on_clear(time.monotonic()))
 
     def _on_reset(self, _: object, response: Trigger.Response) -> Trigger.Response:
         actions = self._core.on_reset_adaptation()
         return self._respond(response, actions, 'theta_hat is that of the nominal model')
+
+    def _change_state(self, number: int, label: str) -> bool:
+        actions = self._core.on_transition(number, label, time.monotonic())
+        self._perform(actions or NOTHING)
+        return actions is not None
 
     def _respond(self, response: _Response, actions: Actions, message: str = '') -> _Response:
         self._perform(actions)
@@ -327,9 +341,15 @@ class ControllerNode(SuiteNode):
         if action.level:
             _log(self.log, action.level, action.text)
         self._state.publish(String(data=action.text))
+        self._lifecycle.publish(action.lifecycle)
 
     def _finish(self, _: Finish) -> None:
         self.finished = True
+
+
+def _rejected(response: _Response, reason: str) -> _Response:
+    response.success, response.message = False, reason
+    return response
 
 
 def _log(log: RcutilsLogger, level: str, text: str) -> None:
