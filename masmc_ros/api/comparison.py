@@ -37,7 +37,7 @@ def compare_laws(
     laws
         LAW or LAW:SWITCHING, or 'all'.
     trials
-        trials in addition to the unmodified scenario, or 'all' or 'laws'.
+        trials in addition to the unmodified scenario, or 'all', 'laws' or 'hardware'.
     seeds
         runs of each: seed 0 is the scenario; others draw robot, disturbance and noise.
 
@@ -57,7 +57,7 @@ def compare_laws(
     )
     done = tqdm(outcomes(tasks), total=len(tasks), unit='law', disable=None)
     ranked = ranking(chain.from_iterable(done), tasks[0].trials[0].name)
-    return pa.Table.from_pylist(rows_of(ranked))
+    return pa.Table.from_pylist(rows_of(ranked, tasks[0].trials))
 
 
 def _text(names: str | Sequence[str]) -> str:

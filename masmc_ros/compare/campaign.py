@@ -18,7 +18,10 @@ import signal
 
 from masmc_ros.compare.contenders import Contender
 from masmc_ros.compare.trials import drawn, Trial
+from masmc_ros.errors import InputError
 from masmc_ros.loop.batch_simulation import BatchSimulation
+from masmc_ros.loop.simulated_robot import RIGID
+from masmc_ros.loop.simulation import Simulation
 from masmc_ros.params.declaration import Values
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.report.measure.metrics import Metrics, Samples
@@ -73,20 +76,44 @@ def _leave_interrupts_to_parent() -> None:
 def compute(task: Task) -> tuple[Outcome, ...]:
     """Compute all runs of a contender; InputError for invalid settings."""
     settings = (*task.settings, *task.contender.settings)
-    mechanism = mechanism_from(load_scenario(task.file, settings)['plant'])
+    values = load_scenario(task.file, settings)
+    mechanism, limits = mechanism_from(values['plant']), values['controller']['torque_limit']
     computed = []
     for trial in task.trials:
-        scenario = load_scenario(task.file, (*settings, *trial.settings_for(mechanism)))
+        scenario = load_scenario(task.file, (*settings, *trial.settings_for(mechanism, limits)))
         runs = [drawn(scenario, mechanism, seed) for seed in range(task.seeds)]
-        together = LANES if task.seeds >= _WORTH_LANES else 1
-        reached: list[Metrics | None] = []
-        for first in range(0, len(runs), together):
-            block = runs[first:first + together]
-            # The last run is repeated in the remaining lanes: one kernel for all blocks.
-            padded = [*block, *[block[-1]] * (together - len(block))]
-            reached += _reached(padded, mechanism)[:len(block)]
-        computed.append(Outcome(task.contender, trial.name, tuple(reached)))
+        computed.append(Outcome(task.contender, trial.name, _all_reached(runs, mechanism)))
     return tuple(computed)
+
+
+def _all_reached(
+    runs: Sequence[Mapping[str, Values]], mechanism: Mechanism
+) -> tuple[Metrics | None, ...]:
+    """Return the metrics of the runs of a trial."""
+    if runs[0]['plant']['physics'] != RIGID:
+        return tuple(_reached_alone(run, mechanism) for run in runs)
+    together = LANES if len(runs) >= _WORTH_LANES else 1
+    reached: list[Metrics | None] = []
+    for first in range(0, len(runs), together):
+        block = runs[first:first + together]
+        # The last run is repeated in the remaining lanes: one kernel for all blocks.
+        padded = [*block, *[block[-1]] * (together - len(block))]
+        reached += _reached(padded, mechanism)[:len(block)]
+    return tuple(reached)
+
+
+def _reached_alone(run: Mapping[str, Values], mechanism: Mechanism) -> Metrics | None:
+    """Return the metrics of a run whose plant is not compiled; None if it diverged or fell."""
+    simulation = Simulation(run)
+    try:
+        blocks = [(block.error, block.torque) for block in simulation.run()]
+    except InputError:
+        return None
+    errors, torques = zip(*blocks, strict=True)
+    period, points = simulation.timing.period, mechanism.points
+    return Samples.of_ticks(
+        np.concatenate(errors), np.concatenate(torques), period, points
+    ).metrics()
 
 
 def _reached(runs: Sequence[Mapping[str, Values]], mechanism: Mechanism) -> list[Metrics | None]:

@@ -50,8 +50,9 @@ def tasks_of(
             f'{file}: command_interface = velocity: only one law commands velocities; expected'
             ' effort'
         )
-    named = trials_named(trials)
-    chosen = contenders(laws, mechanism_from(scenario['plant']), controller['switching'])
+    mechanism = mechanism_from(scenario['plant'])
+    named = tuple(trial for trial in trials_named(trials) if trial.suits(mechanism))
+    chosen = contenders(laws, mechanism, controller['switching'])
     if not sets_observer(named):
         chosen = marked(chosen, controller)
     return [Task(file, tuple(settings), contender, named, seeds) for contender in chosen]
