@@ -37,7 +37,7 @@ def compare_laws(
     laws
         LAW or LAW:SWITCHING, or 'all'.
     trials
-        trials in addition to the unmodified scenario, or 'all' or 'laws'.
+        trials in addition to the unmodified scenario, or 'all', 'laws' or 'hardware'.
     seeds
         runs of each: seed 0 is the scenario; others draw robot, disturbance and noise.
     threads, scheduler
@@ -63,7 +63,7 @@ def compare_laws(
             comparison, threads=threads, scheduler=scheduler, advance=progress.update
         )
     ranked = ranking(comparison, rows)
-    return pa.Table.from_pylist(rows_of(ranked))
+    return pa.Table.from_pylist(rows_of(ranked, comparison.trials))
 
 
 def _text(names: str | Sequence[str]) -> str:

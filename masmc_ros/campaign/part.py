@@ -17,8 +17,9 @@ from typing import Any
 from masmc_ros.campaign.runs import Description, Run
 from masmc_ros.errors import InputError
 from masmc_ros.loop.batch_simulation import of_all_lanes
+from masmc_ros.loop.simulated_robot import RIGID
 from masmc_ros.report.measure.metrics import Metrics, Reached
-from masmc_ros.report.measure.reduced import reduced_metrics
+from masmc_ros.report.measure.reduced import reduced_metrics, simulated_metrics
 from masmc_ros.report.measure.table import Column, columns
 from masmc_ros.robot.declaration import Mechanism
 import numpy as np
@@ -54,7 +55,8 @@ def rows(
     Returns
     -------
         Columns (count) by name: `run`, `seed`, the varied and drawn values, the metrics in SI
-        units, `lost`, and `lost_at` in s. Metrics are NaN for lost runs, `lost_at` for others.
+        units, `lost`, and `lost_at` in s. Metrics are NaN for lost runs, `lost_at` for others
+        and if the time is unknown.
 
     Raises
     ------
@@ -83,7 +85,7 @@ def evaluated(
     runs: Sequence[Run], lanes: int, is_stopped: Callable[[], bool] = lambda: False
 ) -> list[Metrics | float]:
     """
-    Return the metrics of each run, or the time in s at which it diverged.
+    Return the metrics of each run, or the time in s at which it diverged, NaN if unknown.
 
     Parameters
     ----------
@@ -123,6 +125,8 @@ def rows_of_text(kind: type[Description], text: str, first: int, count: int) -> 
 def _computed(batch: Sequence[Run], lanes: int) -> list[Metrics | float]:
     """Return the metrics of the runs of a batch; the last run fills the remaining lanes."""
     scenarios = [run.scenario for run in batch]
+    if scenarios[0]['plant']['physics'] != RIGID:
+        return [simulated_metrics(scenario) for scenario in scenarios]
     try:
         return reduced_metrics([*scenarios, *scenarios[-1:] * (lanes - len(batch))])
     except InputError as error:

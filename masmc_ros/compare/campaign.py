@@ -94,9 +94,10 @@ class Comparison(Description):
     def _scenario(self, point: int) -> Scenario:
         """Return the scenario of a contender in a trial; the trials are faster."""
         contender, trial = divmod(point, len(self.trials))
+        limits = self.scenario['controller']['torque_limit']
         settings = (
             *self.contenders[contender].settings,
-            *self.trials[trial].settings_for(self.mechanism),
+            *self.trials[trial].settings_for(self.mechanism, limits),
         )
         scenario = {node: dict(values) for node, values in self.scenario.items()}
         for setting in settings:
@@ -134,8 +135,9 @@ def comparison_of(
             f'{file}: command_interface = velocity: only one law commands velocities; expected'
             ' effort'
         )
-    named = trials_named(trials)
-    chosen = contenders(laws, mechanism_from(scenario['plant']), controller['switching'])
+    mechanism = mechanism_from(scenario['plant'])
+    named = tuple(trial for trial in trials_named(trials) if trial.suits(mechanism))
+    chosen = contenders(laws, mechanism, controller['switching'])
     if not sets_observer(named):
         chosen = marked(chosen, controller)
     return Comparison(scenario, chosen, named, seeds)

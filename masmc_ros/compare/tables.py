@@ -55,6 +55,8 @@ def text(
         f'{_LOST}: diverged, or farther than {_farthest(points)} from the path, in most runs.',
     )
     lines += ['', *(fill(note, width) for note in notes)]
+    if trials[0].benchmark:
+        lines += [f'Benchmark: {trials[0].benchmark}.']
     return '\n'.join(lines) + '\n'
 
 
@@ -122,22 +124,24 @@ def _small(error: float) -> str:
     return number(SMALL * error) if math.isfinite(error) else _LOST
 
 
-def rows_of(ranked: Sequence[Ranked]) -> list[dict[str, object]]:
+def rows_of(ranked: Sequence[Ranked], trials: Sequence[Trial]) -> list[dict[str, object]]:
     """Return all numbers of each law and trial in SI units; None for infinite ones."""
     return [
         {
             **entry.contender._asdict(),
-            'trial': trial,
+            'benchmark': trial.benchmark,
+            'trial': trial.name,
             **{n: v if math.isfinite(v) else None for n, v in row.numbers().items()},
         }
         for entry in ranked
-        for trial, row in entry.rows.items()
+        for trial in trials
+        for row in (entry.rows[trial.name],)
     ]
 
 
-def as_json(ranked: Sequence[Ranked]) -> str:
+def as_json(ranked: Sequence[Ranked], trials: Sequence[Trial]) -> str:
     """Return the rows as text."""
-    return json.dumps(rows_of(ranked), indent=1)
+    return json.dumps(rows_of(ranked, trials), indent=1)
 
 
 def page(
@@ -151,6 +155,7 @@ def page(
         title=title,
         heads=[f'{name} {unit}'.strip() for name, unit in _heads(points)],
         trials=[(trial.name, trial.description) for trial in trials],
+        benchmark=trials[0].benchmark,
         symbols=symbols_of(points),
         rows=[
             {

@@ -9,28 +9,82 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 import math
 
+from masmc_ros.compare import hardware
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.law.reaching.implicit import OBSERVER_GAIN
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.params.declaration import MutableValues
 from masmc_ros.robot.declaration import Mechanism
 import numpy as np
 
+_STICTION, _USABLE = 0.02, 0.7
+"""Stiction, and usable torque, as parts of the torque limit of each drive."""
+
+_LOADED = 0.1
+"""Part of the torque of the strongest arm drive that the payload's weight needs at 1 m."""
+
+_GRAVITY = 9.81
+
 
 @dataclass(frozen=True)
 class Trial:
-    """Settings that change a scenario, in the form of `--set`."""
+    """
+    Settings that change a scenario, in the form of `--set`.
+
+    Attributes
+    ----------
+    name, description, settings
+        Its texts and settings; names in braces are quantities of the drives.
+    needs_base
+        True if only robots with a driven base have it.
+    benchmark
+        Name and version of the set that it belongs to; empty without one.
+
+    """
 
     name: str
     description: str
     settings: tuple[str, ...] = ()
+    needs_base: bool = False
+    benchmark: str = ''
 
-    def settings_for(self, mechanism: Mechanism) -> tuple[str, ...]:
-        """Return the settings for a robot, with the limits of its drives."""
+    def settings_for(self, mechanism: Mechanism, limits: Numbers = ()) -> tuple[str, ...]:
+        """
+        Return the settings for a robot.
+
+        Parameters
+        ----------
+        mechanism
+            Its type, with the limits of its drives.
+        limits
+            Torque limits (joints) of the scenario for drives whose limit is unknown, N·m; empty
+            for none.
+
+        """
         drives = {
             name: list(mechanism.default(name, 'joints'))
             for name in ('torque_limit', 'torque_rate_limit')
         }
-        return tuple(setting.format(**drives) for setting in self.settings)
+        torques = drives['torque_limit']
+        drives['stiction'] = [_STICTION * torque for torque in torques]
+        own = limits or (0.0,) * len(torques)
+        drives['usable_torque'] = [
+            _USABLE * torque if torque > 0.0 else limit
+            for torque, limit in zip(torques, own, strict=True)
+        ]
+        payload = _LOADED * _strongest(mechanism) / _GRAVITY
+        return tuple(setting.format(**drives, payload=payload) for setting in self.settings)
+
+    def suits(self, mechanism: Mechanism) -> bool:
+        """Return True if a robot can run the trial."""
+        return bool(mechanism.twist) or not self.needs_base
+
+
+def _strongest(mechanism: Mechanism) -> float:
+    """Return the largest torque limit in N·m of the revolute joints behind the base."""
+    limits = mechanism.default('torque_limit', 'joints')[len(mechanism.twist):]
+    joints = zip(limits, mechanism.own_rates, strict=True)
+    return max((limit for limit, joint in joints if joint.unit == 'rad'), default=0.0)
 
 
 _LIMITS = (
@@ -89,7 +143,12 @@ TRIALS_OF_LAWS = tuple(
 )
 """Trials of the table of all laws: periods, with and without limits and a disturbance estimate."""
 
-_GROUPS = {'all': TRIALS, 'laws': TRIALS_OF_LAWS}
+HARDWARE = tuple(
+    Trial(*condition, benchmark=hardware.NAME) for condition in hardware.CONDITIONS
+)
+"""Trials of the hardware benchmark."""
+
+_GROUPS = {'all': TRIALS, 'laws': TRIALS_OF_LAWS, 'hardware': HARDWARE}
 
 
 def sets_observer(trials: Iterable[Trial]) -> bool:
@@ -102,9 +161,9 @@ def trials_named(names: str) -> tuple[Trial, ...]:
     """
     Return trials by their names, separated by commas.
 
-    `all` and `laws` are groups of trials. Raises InputError for an unknown name.
+    `all`, `laws` and `hardware` are groups of trials. Raises InputError for an unknown name.
     """
-    known = {trial.name: trial for trial in TRIALS}
+    known = {trial.name: trial for trial in (*TRIALS, *HARDWARE)}
     if names in _GROUPS:
         return _GROUPS[names]
     selected = []

@@ -70,7 +70,7 @@ def of_its_kind(robot: Robot, function: str) -> Function:
     robot
         Robot.
     function
-        Name of the function: `payload_factors`, `values_of` or `exciting_task`.
+        Name of the function: `values_of` or `exciting_task`.
 
     Raises
     ------

@@ -54,7 +54,7 @@ _MOST_VECTORISED = 8
 """Number of positions of the largest robot whose lanes vectorise; a shortcut pays for those."""
 
 _OF_ALL = {
-    'plant': ('control_period', 'duration', 'integrator_step', 'command_interface'),
+    'plant': ('control_period', 'duration', 'integrator_step', 'command_interface', 'physics'),
     'controller': ('law', 'switching', 'command_interface'),
 }
 """Parameters that must be equal in all lanes, by node; so must those of the trajectory."""

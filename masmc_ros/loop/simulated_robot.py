@@ -86,14 +86,14 @@ def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
         Parameter(
             'payload.mass',
             0.0,
-            'Mass that the tip of the robot picks up, with MuJoCo; 0: none',
+            'Mass of a payload in the tip of the robot; 0: none',
             unit='kg',
             minimum=0.0,
         ),
         Parameter(
             'payload.time',
             0.0,
-            'Time at which the tip picks it up, rounded to control periods',
+            'Time at which the tip picks it up, rounded to control periods, with MuJoCo',
             unit='s',
             minimum=0.0,
         ),
@@ -185,6 +185,20 @@ def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
             minimum=0.0,
             maximum=1.0,
         ),
+        Parameter(
+            'measurement_loss',
+            0.0,
+            'Probability that a measured state is lost; the state before it is then repeated',
+            minimum=0.0,
+            maximum=1.0,
+        ),
+        Parameter(
+            'command_loss',
+            0.0,
+            'Probability that a command is lost; the command before it then acts longer',
+            minimum=0.0,
+            maximum=1.0,
+        ),
         of_joints(
             'motor_lag',
             'Time constant of the first-order lag of the torque of each motor; 0: no lag',
@@ -216,7 +230,7 @@ def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
             'velocity_source estimated',
         ),
         Parameter(
-            'seed', 0, 'Seed of the measurement noise and of the jitter',
+            'seed', 0, 'Seed of the measurement noise, of the jitter and of the losses',
             minimum=0, maximum=4294967295,
         ),
     )
@@ -343,8 +357,6 @@ def plant_of(values: Values, period: float) -> SimulatedRobot:
     The control period is in s. Raises InputError if there is no such robot, and UserError if its
     physics is not installed.
     """
-    if values['physics'] == RIGID and values['payload.mass'] > 0.0:
-        raise InputError('plant.payload.mass: expected plant.physics mujoco, or no payload')
     module, name = PHYSICS[values['physics']]
     try:
         kind = getattr(import_module(module), name)
@@ -385,7 +397,7 @@ def write_plant(
         bandwidth = np.minimum(bandwidth, _BANDWIDTH_STEP * steps / period)
     for name, value in {
         'geometry': robot.geometry,
-        'theta': robot.theta,
+        'theta': _true_theta(robot, values),
         'amplitude': values['disturbance.amplitude'],
         'frequency': values['disturbance.frequency'],
         'phase': values['disturbance.phase'],
@@ -404,6 +416,8 @@ def write_plant(
         'delay_span': delay_span,
         'command_delay': command_delay,
         'command_delay_span': command_delay_span,
+        'measurement_loss': values['measurement_loss'],
+        'command_loss': values['command_loss'],
         'seed': values['seed'],
         'bandwidth': bandwidth,
         'has_losses': any((*values['motor_lag'], *values['stiction.torque'])),
@@ -425,6 +439,19 @@ def write_plant(
     gains = np.array([bristle_gains(*joint, step) for joint in zip(*of_stiction, strict=True)])
     fill(settings, 'bristle_stiffness', gains[:, 0], lane)
     fill(settings, 'bristle_damping', gains[:, 1], lane)
+
+
+def _true_theta(robot: Robot, values: Values) -> NDArray[np.float64]:
+    """Return the true parameters of the robot; the contact model has another payload."""
+    mass = values['payload.mass']
+    if values['physics'] != RIGID or mass == 0.0:
+        return robot.theta
+    if values['payload.time'] > 0.0:
+        raise InputError(
+            f'plant.payload.time = {values["payload.time"]:g}: expected 0 with plant.physics '
+            f'{RIGID}; mujoco has later times'
+        )
+    return robot.theta_with_payload(mass, np.zeros(3), np.zeros(6))
 
 
 def stamp_age(delay: float, period: float) -> float:
@@ -456,10 +483,10 @@ def write_start(
 
 
 def delay_line(settings: records.Records, mechanism: Mechanism) -> NDArray[np.float64]:
-    """Return a buffer for delayed values: (delay + 1, measurements and commands, lanes)."""
+    """Return a buffer for delayed values: (delay + 2, measurements and commands, lanes)."""
     longest = max(int(settings[name].max()) for name in ('delay', 'command_delay'))
     width = 2 * mechanism.sizes['positions'] + 2 * mechanism.sizes['joints']
-    return np.zeros((longest + 1, width, settings['delay'].shape[-1]))
+    return np.zeros((longest + 2, width, settings['delay'].shape[-1]))
 
 
 def diverged(time: float) -> InputError:

@@ -2,10 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Delays of measurements and commands in whole ticks, with jitter.
+Delays of measurements and commands in whole ticks, with jitter, and lost messages.
 
 A delay is a uniform random whole number between its smallest and its largest value. Seed, stream
 and tick determine it. The order of values stays: a value that a later one has overtaken is lost.
+If a message is lost, its receiver uses the previous one for another tick.
 """
 
 from __future__ import annotations
@@ -21,7 +22,28 @@ from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.plant_model.fields import PlantMemory, PlantSettings
 
 OF_MEASUREMENT, OF_COMMAND = 0, 1
-"""Streams of random numbers."""
+"""Streams of random numbers of the delays."""
+
+LOSSES = 2
+"""Added to a stream: that of lost messages."""
+
+
+@formula
+def is_lost(seed: int, tick: int, stream: int, probability: float) -> bool:
+    """
+    Return True if the message that arrives at a tick is lost.
+
+    Parameters
+    ----------
+    seed, stream
+        Sequence of random numbers; the stream is OF_MEASUREMENT or OF_COMMAND.
+    tick
+        Current tick.
+    probability
+        Probability of a loss; 0: no message is lost.
+
+    """
+    return uniform(seed, tick, stream + LOSSES) < probability
 
 
 @formula
@@ -62,8 +84,8 @@ def receive(
     plant, memory
         Settings and memory of the plant, all lanes.
     delay_line
-        Delayed values of each lane (maximum delay + 1, positions, velocities and commands); the
-        command of tick k is in row k mod (delay + 1).
+        Delayed values of each lane (maximum delay + 2, positions, velocities and commands); the
+        command of tick k is in row k mod (delay + 1), and the last received one in row delay + 1.
     tick
         Current tick.
     signals
@@ -72,9 +94,10 @@ def receive(
         True for a void command; zeros are written.
 
     """
-    lanes, longest = lane_count(plant), 0
+    lanes, delays = lane_count(plant), 0
     for lane in range(lanes):
-        longest = max(longest, lane_of(plant, lane).command_delay)
+        robot = lane_of(plant, lane)
+        delays += robot.command_delay + int(robot.command_loss > 0.0)
     for lane in range(lanes):
         torque, rates = lane_of(signals, lane).torque, lane_of(signals, lane).rates
         lane_of(memory, lane).torque = elementwise(zero, torque) if holds else torque
@@ -82,7 +105,7 @@ def receive(
     if holds:
         for lane in range(lanes):
             lane_of(memory, lane).acting = tick + 1
-    elif longest > 0:
+    elif delays > 0:
         for lane in range(lanes):
             robot, state = lane_of(plant, lane), lane_of(memory, lane)
             _delay_command(robot, state, lane_of(delay_line, lane), tick)
@@ -98,8 +121,16 @@ def _delay_command(
     second = first + len(torque)
     write_part(delay_line, tick % (delay + 1), first, torque)
     write_part(delay_line, tick % (delay + 1), second, rates)
+    # The first command cannot be lost, because there is none before it.
+    first_tick = memory.acting >= tick
+    lost = is_lost(plant.seed, tick, OF_COMMAND, plant.command_loss) & (not first_tick)
     acting = newest(plant.seed, tick, OF_COMMAND, delay, plant.command_delay_span, memory.acting)
+    acting = memory.acting if lost else acting
     memory.acting = acting
-    memory.torque = read_part(delay_line, acting % (delay + 1), first, torque)
-    rates = read_part(delay_line, acting % (delay + 1), second, rates)
+    row = delay + 1 if lost else acting % (delay + 1)
+    torque = read_part(delay_line, row, first, torque)
+    rates = read_part(delay_line, row, second, rates)
+    write_part(delay_line, delay + 1, first, torque)
+    write_part(delay_line, delay + 1, second, rates)
+    memory.torque = torque
     memory.commanded_rates = rates

@@ -38,6 +38,8 @@ class PlantSettings:
     delay_span: int
     command_delay: int
     command_delay_span: int
+    measurement_loss: float
+    command_loss: float
     seed: int
     bandwidth: Joints
     inertia: Joints

@@ -7,7 +7,7 @@ Measurement of the plant's state: encoders, odometry, noisy rates and delay.
 The encoders quantise the joint angles. The measured base pose is odometry from the quantised
 angles, and exact without quantisation. Rates have noise; those of the base are computed from the
 joint rates, so all measurements are consistent. Without measured velocities they are zero. Finally
-all values are delayed by whole ticks.
+all values are delayed by whole ticks, and some are lost.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from masmc_ros.numerics.record import lane_count
 from masmc_ros.numerics.scalars import minus, zero
 from masmc_ros.numerics.tuples import elementwise, head, joined, tail
 from masmc_ros.numerics.vectors import free, mark
-from masmc_ros.plant_model.delays import newest, OF_MEASUREMENT
+from masmc_ros.plant_model.delays import is_lost, newest, OF_MEASUREMENT
 from masmc_ros.plant_model.fields import PlantMemory, PlantSettings, Signals
 from masmc_ros.robot import mechanism
 
@@ -107,13 +107,15 @@ def delay_measurement(
     """
     Replace the measurement in `signals` by a delayed one, and write its age in ticks.
 
+    If the measurement that arrives is lost, that of the previous tick is repeated.
+
     Parameters
     ----------
     plant, memory
         Settings and memory of the plant, one lane.
     delayed
-        Latest values (maximum delay + 1, positions, velocities and commands); the measurement of
-        tick k is in row k mod (delay + 1).
+        Latest values (maximum delay + 2, positions, velocities and commands); the measurement of
+        tick k is in row k mod (delay + 1), and the one shown last in row delay + 1.
     tick
         Current tick.
     signals
@@ -128,8 +130,14 @@ def delay_measurement(
     write_part(delayed, tick % rows, n, velocity)
     # The first measurement is used until the delay has passed.
     last = 0 if tick == 0 else memory.shown
+    lost = is_lost(plant.seed, tick, OF_MEASUREMENT, plant.measurement_loss) & (tick > 0)
     shown = newest(plant.seed, tick, OF_MEASUREMENT, delay, plant.delay_span, last)
+    shown = last if lost else shown
     memory.shown = shown
     signals.age = tick - shown
-    signals.position = read_part(delayed, shown % rows, 0, position)
-    signals.velocity = read_part(delayed, shown % rows, n, velocity)
+    row = rows if lost else shown % rows
+    position, velocity = read_part(delayed, row, 0, position), read_part(delayed, row, n, velocity)
+    write_part(delayed, rows, 0, position)
+    write_part(delayed, rows, n, velocity)
+    signals.position = position
+    signals.velocity = velocity

@@ -5,7 +5,7 @@
 One tick of the plant in all lanes, from a command to the next true and measured state.
 
 Arguments of several functions: `plant` and `memory` are the records SETTINGS and MEMORY,
-`signals` those of the tick, each with all lanes. `delay_line` (maximum delay + 1, positions,
+`signals` those of the tick, each with all lanes. `delay_line` (maximum delay + 2, positions,
 velocities and commands) has the delayed values of each lane. `holds` is True for a void command.
 """
 
@@ -59,7 +59,9 @@ SETTINGS = (
     Field('delay_span', description='By how many ticks it can be shorter', kind='i8'),
     Field('command_delay', description='Largest delay of commands in ticks', kind='i8'),
     Field('command_delay_span', description='By how many ticks it can be shorter', kind='i8'),
-    Field('seed', description='Seed of noise and jitter', kind='i8'),
+    Field('measurement_loss', description='Probability that a measurement is lost'),
+    Field('command_loss', description='Probability that a command is lost'),
+    Field('seed', description='Seed of noise, jitter and losses', kind='i8'),
     Field('bandwidth', 'joints', "Of the drives' velocity loops", 'rad/s'),
     Field('inertia', 'joints', 'For which they are tuned', 'kg·m²'),
     Field('has_losses', description='Whether motors lag or joints stick', kind='i8'),
@@ -444,8 +446,9 @@ def observe(plant: Record, memory: Record, delayed: Array, tick: int, signals: R
         row.true_position = row.position = state.position
         row.true_velocity = row.velocity = state.velocity
     for lane in range(lanes):
-        inexact += 1 - lane_of(plant, lane).is_exact
-        delays += lane_of(plant, lane).delay
+        robot = lane_of(plant, lane)
+        inexact += 1 - robot.is_exact
+        delays += robot.delay + int(robot.measurement_loss > 0.0)
     # A vectorised loop computes all lanes or none.
     if inexact > 0:
         write_noise(plant, memory, tick)

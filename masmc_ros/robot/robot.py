@@ -7,7 +7,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
+from masmc_ros.errors import InputError
 from masmc_ros.numerics.aliases import Array, Records
 from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import kernel
@@ -72,6 +74,52 @@ class Robot:
         """Return the transforms (n, frames, 7) of positions (n, positions), m and quaternions."""
         transforms: Array = self.mechanism.formulas.frame_transforms(self.frame_origins, position)
         return transforms
+
+    @property
+    def payload_factors(self) -> Array:
+        """Return the changes (parameters, 10) of theta by a payload's moments on the last link."""
+        factors: Array = self._of_payload('payload_factors')
+        return factors
+
+    def theta_with_payload(self, mass: float, centre: Array, inertia: Array) -> Array:
+        """
+        Return the base inertial parameters (parameters) with a payload at the tip.
+
+        Parameters
+        ----------
+        mass
+            Mass in kg.
+        centre
+            Centre of mass (3) in the frame of the tip, m.
+        inertia
+            Moments of inertia xx, yy, zz, xy, yz, zx (6) about the centre of mass, in the
+            directions of the frame of the tip, kg·m².
+
+        Raises
+        ------
+        InputError
+            If the type of robot has no description of payloads.
+
+        """
+        rotation, origin = self._of_payload('tip_on_link')
+        place = origin + rotation @ centre
+        xx, yy, zz, xy, yz, zx = inertia
+        about = np.array([[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]])
+        own = 0.5 * np.trace(about) * np.eye(3) - about
+        second = rotation @ own @ rotation.T + mass * np.outer(place, place)
+        moments = [mass, *(mass * place), *second[[0, 1, 2, 0, 1, 2], [0, 1, 2, 1, 2, 0]]]
+        changed: Array = self.theta + self.payload_factors @ moments
+        return changed
+
+    def _of_payload(self, function: str) -> Any:
+        """Return the result of a formula about the payload."""
+        formula = getattr(self.mechanism.formulas, function, None)
+        if formula is None:
+            raise InputError(
+                f'payload: robots of robot.mechanism {self.mechanism.name} have no {function}; '
+                'expected a payload of 0 kg'
+            )
+        return formula(self.geometry)
 
     @property
     def height(self) -> float:

@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+import hashlib
 import json
 import math
 from pathlib import Path
@@ -12,10 +14,20 @@ from pathlib import Path
 from helpers.campaigns import assert_equal
 from masmc_ros.campaign.runs import NODES
 from masmc_ros.cli.main import main
+from masmc_ros.compare import hardware
+from masmc_ros.compare import trials as trials_module
 from masmc_ros.compare.campaign import Comparison, comparison_of, compute
 from masmc_ros.compare.contenders import Contender, contenders, marked
 from masmc_ros.compare.ranking import ranking
-from masmc_ros.compare.trials import AS_IS, drawn, sets_observer, TRIALS, trials_named
+from masmc_ros.compare.trials import (
+    AS_IS,
+    drawn,
+    HARDWARE,
+    sets_observer,
+    Trial,
+    TRIALS,
+    trials_named,
+)
 from masmc_ros.errors import InputError
 from masmc_ros.law import registry
 from masmc_ros.loop.batch_simulation import BatchSimulation
@@ -177,6 +189,80 @@ def test_trials_of_laws_vary_period_limits_and_observer() -> None:
     assert {any(s['controller']['torque_limit']) for s in scenarios} == {False, True}
     assert sets_observer(trials)
     assert not sets_observer(TRIALS)
+
+
+def test_hardware_conditions_of_version_are_fixed() -> None:
+    """Results of a version are comparable: other conditions need another VERSION."""
+    digest = hashlib.sha256(repr(hardware.CONDITIONS).encode()).hexdigest()
+    assert (hardware.VERSION, digest[:16]) == (1, '18034e4e4a7b996c')
+
+
+def test_hardware_trials_load_with_effects_that_differ() -> None:
+    trials = trials_named('hardware')
+    assert {trial.benchmark for trial in trials} == {'hardware 1'}
+    assert len({trial.name for trial in trials}) == len(trials)
+    assert not {trial.name for trial in trials} & {trial.name for trial in TRIALS}
+    assert all(trial.suits(TWO_LINK) for trial in trials)
+    scenarios = [load_scenario(PAPER, trial.settings_for(TWO_LINK)) for trial in trials]
+    assert len({repr(scenario) for scenario in scenarios}) == len(trials)
+    assert {s['controller']['model_scale'] for s in scenarios} == {0.5}
+    for trial, scenario in zip(trials, scenarios, strict=True):
+        plant, controller = scenario['plant'], scenario['controller']
+        delay = plant['measurement_delay'] + plant['command_delay']
+        known = 'unknown' not in trial.name and ' as ' not in trial.name
+        assert (controller['latency'] == pytest.approx(delay)) == known
+    assert scenarios[0]['plant']['torque_limit'] == pytest.approx((5.6, 5.6, 14.0, 7.0))
+    assert scenarios[0]['plant']['stiction.torque'] == pytest.approx((0.16, 0.16, 0.4, 0.2))
+
+
+def test_hardware_trials_of_fixed_robot_have_no_base() -> None:
+    fixed = replace(TWO_LINK, twist=())
+    trials = trials_named('hardware')
+    left_out = [trial.name for trial in trials if not trial.suits(fixed)]
+    assert left_out == ['hybrid', 'slip']
+
+
+@pytest.mark.slow
+def test_hardware_trial_with_slip_equals_simulation() -> None:
+    pytest.importorskip('mujoco')
+    (slip,) = (trial for trial in HARDWARE if trial.name == 'slip')
+    settings = 'duration=0.2', 'controller.switching=implicit'
+    comparison = comparison_of(PAPER, settings, 'smc', slip.name, 2)
+    rows = compute(replace(comparison, trials=(slip,)))
+    scenario = load_scenario(
+        PAPER, (*settings, 'controller.law=smc', *slip.settings_for(TWO_LINK))
+    )
+    (run,) = Simulation(scenario).run()
+    half = run.error[100:-1, :2]
+    expected = np.sqrt((half**2).sum(axis=1).mean())
+    first, second = rows[f'{TWO_LINK.points[0].key}_rms']
+    assert first == pytest.approx(expected, rel=1e-12)
+    assert first != second
+
+
+@pytest.mark.slow
+def test_hardware_trial_whose_robot_falls_is_lost() -> None:
+    pytest.importorskip('mujoco')
+    settings = 'plant.physics=mujoco', 'plant.friction=0.01', 'controller.approach_on_start=false'
+    jump = Trial('jump', 'a start with a jump', settings)
+    comparison = comparison_of(PAPER, ('duration=0.5',), 'smc', AS_IS.name, 1)
+    (is_lost,) = compute(replace(comparison, trials=(jump,)))['lost']
+    assert is_lost
+
+
+@pytest.mark.slow
+def test_compare_command_names_version_of_benchmark(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(trials_module._GROUPS, 'hardware', HARDWARE[:2])
+    folder = tmp_path / 'out'
+    options = ['--laws', 'smc:implicit', '--set', SHORT[0], '--output', str(folder)]
+    assert main(['compare', PAPER, '--trials', 'hardware', *options]) == 0
+    assert 'Benchmark: hardware 1.' in capsys.readouterr().out
+    assert 'Benchmark: hardware 1.' in (folder / 'compare.html').read_text(encoding='utf-8')
+    rows = json.loads((folder / 'compare.json').read_text(encoding='utf-8'))
+    assert [row['trial'] for row in rows] == ['all 5 ms', 'all 2 ms']
+    assert {row['benchmark'] for row in rows} == {'hardware 1'}
 
 
 def test_contender_with_disturbance_estimate_is_marked() -> None:

@@ -103,14 +103,13 @@ def test_identify_joint_at_rest_named_as_not_excited() -> None:
 
 def test_payload_planar_mass_and_place_found() -> None:
     robot = planar()
-    factors = of_its_kind(robot, 'payload_factors')(robot)
     mass, place = 0.8, 0.362
-    moments = np.array([mass, mass * place, 0, 0, mass * place**2, 0, 0, 0, 0, 0])
-    loaded = np.concatenate([robot.theta + factors @ moments, FRICTION])
+    theta = robot.theta_with_payload(mass, np.zeros(3), np.zeros(6))
+    loaded = np.concatenate([theta, FRICTION])
     motion = series(FOUR, 5, 12.0, np.array([2.0, 2.0, 0.5, 0.5]))
     run = measured(robot, computed(robot, loaded, motion, latency=2))
     nominal = Nominal(robot, robot.theta, FRICTION)
-    payload = payload_of(nominal, factors, run, identify(nominal, run))
+    payload = payload_of(nominal, robot.payload_factors, run, identify(nominal, run))
     assert payload.is_significant
     assert payload.mass == pytest.approx(mass, rel=0.01)
     assert payload.centre[0] == pytest.approx(place, rel=0.01)

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Delays of commands, jitter, motor lag, stiction and missing velocities of the plant."""
+"""Delays of commands, jitter, losses, motor lag, stiction and missing velocities of the plant."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from masmc_ros.loop.simulated_robot import plant_of, SimulatedRobot
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.params.node_parameters import declared
 from masmc_ros.params.scenario import load_scenario
-from masmc_ros.plant_model.delays import newest
+from masmc_ros.plant_model.delays import is_lost, newest, OF_COMMAND, OF_MEASUREMENT
 from masmc_ros.plant_model.stiction import bristle_gains, stuck
 from masmc_ros.robot.mechanisms import mechanism_from
 import numpy as np
@@ -32,19 +32,21 @@ CALM = (
     'plant.torque_limit=[0.0, 0.0, 0.0, 0.0]',
     'plant.torque_rate_limit=0.0',
 )
+GENTLE = 'controller.k_s1=20.0', 'controller.k_s2=0.0'
 EVERYTHING = (
     'duration=0.2',
     'plant.measurement_delay=0.003',
     'plant.command_delay=0.004',
     'plant.delay_jitter=0.5',
+    'plant.measurement_loss=0.1',
+    'plant.command_loss=0.1',
     'plant.motor_lag=[0.005, 0.005, 0.0, 0.002]',
     'plant.stiction.torque=[0.2, 0.0, 0.4, 0.3]',
     'plant.encoder_resolution=0.0001',
     'plant.measures_velocity=false',
     'controller.velocity_source=estimated',
     'controller.observer_gain=0.02',
-    'controller.k_s1=20.0',
-    'controller.k_s2=0.0',
+    *GENTLE,
 )
 
 
@@ -106,6 +108,68 @@ def test_measurement_jitter_state_has_reported_age() -> None:
     assert set(ages[10:]) == {2, 3, 4, 5, 6}
     for k in range(10, len(ages)):
         np.testing.assert_array_equal(run.position[k], run.true_position[k - ages[k]])
+
+
+# Lost messages.
+
+
+@PROPERTY
+@given(st.integers(0, 2**32 - 1), st.sampled_from([0.02, 0.1, 0.5, 0.9]), st.integers(0, 1))
+def test_losses_have_their_probability_and_are_independent(
+    seed: int, probability: float, stream: int
+) -> None:
+    ticks = 4000
+    lost = np.array([is_lost(seed, k, stream, probability) for k in range(ticks)])
+    deviation = math.sqrt(probability * (1.0 - probability) / ticks)
+    assert abs(lost.mean() - probability) < 6.0 * deviation
+    assert abs((lost[1:] & lost[:-1]).mean() - probability**2) < 6.0 * deviation
+
+
+def test_losses_of_probability_zero_keep_the_bits() -> None:
+    late = 'plant.command_delay=0.002', 'plant.measurement_delay=0.001'
+    ideal, late_only = planar(), planar(*late)
+    other_lane = planar(*late, 'plant.measurement_loss=0.3', 'plant.command_loss=0.3')
+    commands = np.random.default_rng(1).uniform(-1.0, 1.0, (50, 4))
+    assert not any(is_lost(5, k, OF_COMMAND, 0.0) for k in range(500))
+    np.testing.assert_array_equal(applied(ideal, commands), commands)
+    torques = applied(late_only, commands)
+    np.testing.assert_array_equal(torques[2:], commands[:-2])
+    assert (applied(other_lane, commands) != torques).any()
+
+
+@pytest.mark.parametrize('delay', [0, 3])
+def test_lost_command_repeats_the_one_before(delay: int) -> None:
+    commands = np.arange(400.0).reshape(100, 4) / 400.0
+    settings = f'plant.command_delay={1e-3 * delay}', 'plant.seed=7', 'plant.command_loss=0.4'
+    torques = applied(planar(*settings), commands)
+    lost = [k > 0 and is_lost(7, k, OF_COMMAND, 0.4) for k in range(100)]
+    assert 20 < np.sum(lost) < 60
+    expected = 0
+    for k in range(100):
+        expected = expected if lost[k] else max(k - delay, expected)
+        np.testing.assert_array_equal(torques[k], commands[expected])
+
+
+def test_command_loss_after_void_command_applies_the_first_one() -> None:
+    plant = planar('plant.command_loss=1.0')
+    np.testing.assert_array_equal(applied(plant, np.ones((3, 4))), np.ones((3, 4)))
+    plant.advance(None)
+    torques = applied(plant, np.array([[0.5] * 4, [0.6] * 4]))
+    np.testing.assert_array_equal(torques, np.full((2, 4), 0.5))
+
+
+@pytest.mark.parametrize('delay', [0.0, 0.004])
+def test_lost_measurement_repeats_the_one_before(delay: float) -> None:
+    settings = 'plant.measurement_loss=0.3', f'plant.measurement_delay={delay}', 'plant.seed=3'
+    (run,) = Simulation(load_scenario(PAPER, ('duration=0.3', *settings, *GENTLE))).run()
+    ages = run.signals['age'][:, 0]
+    assert ages.max() > round(1e3 * delay) + 2
+    for k in range(1, len(ages)):
+        np.testing.assert_array_equal(run.position[k], run.true_position[k - ages[k]])
+        if is_lost(3, k, OF_MEASUREMENT, 0.3):
+            assert ages[k] == ages[k - 1] + 1
+        else:
+            assert ages[k] <= round(1e3 * delay)
 
 
 # Motors.

@@ -43,7 +43,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default='all',
         metavar='TRIAL,...',
         help='trials in addition to the unmodified scenario (%(default)s); laws: periods of 1, 2'
-        ' and 10 ms, with and without limits and disturbance estimate',
+        ' and 10 ms, with and without limits and disturbance estimate; hardware: latency, motor'
+        ' lag, encoders, stiction and further properties of real robots',
     )
     parser.add_argument(
         '--seeds',
@@ -74,7 +75,7 @@ def run(options: argparse.Namespace) -> int:
             advance=progress.update,
         )  # fmt: skip
     ranked = ranking(comparison, rows)
-    data = as_json(ranked) + '\n'
+    data = as_json(ranked, trials) + '\n'
     contents = {
         'compare.html': page(ranked, trials, points, Path(file).name),
         'compare.txt': text(ranked, trials, points),

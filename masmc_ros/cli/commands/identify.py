@@ -52,7 +52,7 @@ def run(options: argparse.Namespace) -> int:
     # Imported here: the compiler and the solvers take time.
     from masmc_ros.identification.directions import base_parameters, unexcited
     from masmc_ros.identification.identify import identify, measured, relative_error
-    from masmc_ros.identification.nominal import nominal_of, nominal_of_run, of_its_kind
+    from masmc_ros.identification.nominal import nominal_of, nominal_of_run
     from masmc_ros.identification.parameter_file import write_identified
     from masmc_ros.identification.payload import payload_of
     from masmc_ros.identification.samples import samples_of
@@ -91,9 +91,7 @@ def run(options: argparse.Namespace) -> int:
     )
     for direction in weak:
         print(fill(f'not excited: {direction.text}', WIDTH, subsequent_indent='  '))
-    load = payload_of(
-        nominal, of_its_kind(nominal.robot, 'payload_factors')(nominal.robot), equations, result
-    )
+    load = payload_of(nominal, nominal.robot.payload_factors, equations, result)
     if load.is_significant:
         place = ', '.join(
             f'{x:.3f} ± {error:.2g}' if error < _FARTHEST else 'unknown'

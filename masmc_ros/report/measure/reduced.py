@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Metrics of runs that are computed in lanes and keep no signals."""
+"""Metrics of runs of campaigns, whose signals are not kept."""
 
 from __future__ import annotations
 
@@ -9,12 +9,14 @@ from collections.abc import Mapping, Sequence
 import math
 from typing import NamedTuple
 
+from masmc_ros.errors import InputError
 from masmc_ros.law.command_interface import takes_rates
 from masmc_ros.loop.batch_simulation import BatchSimulation
+from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.timing import Timing
 from masmc_ros.numerics.aliases import Array
 from masmc_ros.params.declaration import Values
-from masmc_ros.report.measure.metrics import Metrics, Reached, second_half
+from masmc_ros.report.measure.metrics import Metrics, Reached, Samples, second_half
 from masmc_ros.report.measure.settling import BAND, FLOOR, settled_after
 from masmc_ros.robot.declaration import Mechanism
 import numpy as np
@@ -79,6 +81,18 @@ def reduced_metrics(
         )
         for lane in range(len(runs))
     ]
+
+
+def simulated_metrics(run: Mapping[str, Values]) -> Metrics | float:
+    """Return the metrics of a run whose plant has no lanes; NaN if it diverged or fell."""
+    simulation = Simulation(run)
+    try:
+        blocks = [(block.error, block.torque) for block in simulation.run()]
+    except InputError:
+        return math.nan
+    error, torque = (np.concatenate(signals) for signals in zip(*blocks, strict=True))
+    points = simulation.controller.mechanism.points
+    return Samples.of_ticks(error, torque, simulation.timing.period, points).metrics()
 
 
 def metrics_of_lane(

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Description of a robot with other inertial parameters, and effect of a payload."""
+"""Description of a robot with other inertial parameters."""
 
 from __future__ import annotations
 
@@ -20,15 +20,6 @@ import numpy as np
 
 _AHEAD = 0.05
 """Smallest distance in m of a frame ahead of the axle whose position determines the base."""
-
-
-def payload_factors(robot: Robot) -> Array:
-    """Return the changes (p, 10) of theta by the moments of a payload on the body of the tip."""
-    mechanism = cast(TreeMechanism, robot.mechanism)
-    body = mechanism.robot.frames[mechanism.tips[0]].body
-    factors = np.zeros((len(robot.theta), PER_BODY))
-    factors[PER_BODY * body:PER_BODY * (body + 1)] = np.eye(PER_BODY)
-    return factors
 
 
 def values_of(robot: Robot, theta: Array) -> MutableValues:

@@ -44,7 +44,7 @@ from masmc_ros.robot.tree.frames import (
     world_of,
 )
 from masmc_ros.robot.tree.model import packed
-from masmc_ros.robot.tree.spatial import rotate, scale, transpose
+from masmc_ros.robot.tree.spatial import PER_BODY, rotate, scale, transpose
 from masmc_ros.robot.tree.task.outputs import Task, task_of, TaskRobot
 from masmc_ros.robot.urdf import Description, read_urdf, read_urdf_file
 import numpy as np
@@ -235,7 +235,7 @@ class TreeMechanism(Mechanism):
             name: getattr(self, f'_{name}')
             for name in (
                 'constants', 'start', 'out_of_reach', 'base_motion', 'frame_origins',
-                'frame_transforms', 'description', 'outline',
+                'frame_transforms', 'description', 'outline', 'payload_factors', 'tip_on_link',
             )
         }  # fmt: skip
         return SimpleNamespace(**{**vars(kernels), **own})
@@ -243,6 +243,18 @@ class TreeMechanism(Mechanism):
     def _constants(self, values: Values) -> tuple[Array, Array]:
         """Return the model as one vector, and theta: inertial parameters, then friction."""
         return self.model, np.concatenate([self.robot.inertial_parameters.ravel(), self.friction])
+
+    def _payload_factors(self, lengths: Array) -> Array:
+        """Return the changes (p, 10) of theta by the moments of a payload on the tip's body."""
+        body = self.robot.frames[self.tips[0]].body
+        factors = np.zeros((len(self.theta), PER_BODY))
+        factors[PER_BODY * body:PER_BODY * (body + 1)] = np.eye(PER_BODY)
+        return factors
+
+    def _tip_on_link(self, lengths: Array) -> tuple[Array, Array]:
+        """Return rotation (3, 3) and origin (3) in m of the tip's frame in that of its body."""
+        frame = self.robot.frames[self.tips[0]]
+        return np.reshape(frame.rotation, (3, 3)), np.array(frame.offset)
 
     def _start(
         self, values: Values, pose: tuple[float, ...], angles: tuple[float, ...]

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Lengths and base parameters from physical parameters, and reach of the arm."""
+"""Lengths and base parameters from physical parameters, reach of the arm, and payload."""
 
 from __future__ import annotations
 
@@ -66,6 +66,29 @@ def out_of_reach(
         f'the end effector is to be {distance[bad]:.3f} m from the base of the arm, outside its '
         f'reach; expected {least:.3f} to {most:.3f} m'
     )
+
+
+def payload_factors(lengths: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the changes (7, 10) of theta by the moments of a payload on link 2."""
+    geometry, fields = Geometry(*lengths), BaseParameters._fields
+    factors = np.zeros((len(fields), 10))
+    by_mass = {
+        'mass': 1.0,
+        'yaw_inertia': geometry.arm_base**2,
+        'offset': geometry.arm_base,
+        'moment_1': geometry.link_1,
+        'inertia_1': geometry.link_1**2,
+    }
+    for name, value in by_mass.items():
+        factors[fields.index(name), 0] = value
+    factors[fields.index('moment_2'), 1] = 1.0
+    factors[fields.index('inertia_2'), 4:6] = 1.0
+    return factors
+
+
+def tip_on_link(lengths: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+    """Return rotation (3, 3) and origin (3) in m of the tip's frame in that of link 2."""
+    return np.eye(3), np.array([Geometry(*lengths).link_2, 0.0, 0.0])
 
 
 def base_parameters(

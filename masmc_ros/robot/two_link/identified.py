@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Physical parameters of a robot with other base inertial parameters, and effect of a payload."""
+"""Physical parameters of a robot with other base inertial parameters."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from masmc_ros.numerics.aliases import Array
 from masmc_ros.params.declaration import MutableValues
 from masmc_ros.robot.robot import Robot
 from masmc_ros.robot.two_link.dynamics import BaseParameters
-from masmc_ros.robot.two_link.geometry import Geometry
 import numpy as np
 
 _STEPS = 2.0 ** -np.arange(40)
@@ -18,25 +17,6 @@ _STEPS = 2.0 ** -np.arange(40)
 
 _SHARES = (1.0, 0.5, 0.25, 0.0)
 """Shares of the nominal wheels."""
-
-
-def payload_factors(robot: Robot) -> Array:
-    """Return the changes (7, 10) of theta by the moments of a payload on link 2."""
-    geometry = Geometry(*robot.geometry)
-    factors = np.zeros((len(robot.theta), 10))
-    fields = BaseParameters._fields
-    by_mass = {
-        'mass': 1.0,
-        'yaw_inertia': geometry.arm_base**2,
-        'offset': geometry.arm_base,
-        'moment_1': geometry.link_1,
-        'inertia_1': geometry.link_1**2,
-    }
-    for name, value in by_mass.items():
-        factors[fields.index(name), 0] = value
-    factors[fields.index('moment_2'), 1] = 1.0
-    factors[fields.index('inertia_2'), 4:6] = 1.0
-    return factors
 
 
 def values_of(robot: Robot, theta: Array) -> MutableValues:

@@ -28,7 +28,13 @@ from masmc_ros.robot.two_link.approach import (
     approach_start,
     regular_posture,
 )
-from masmc_ros.robot.two_link.constants import constants, out_of_reach, start
+from masmc_ros.robot.two_link.constants import (
+    constants,
+    out_of_reach,
+    payload_factors,
+    start,
+    tip_on_link,
+)
 from masmc_ros.robot.two_link.description import description
 from masmc_ros.robot.two_link.drawing import outline
 from masmc_ros.robot.two_link.dynamics import BaseParameters, Inertia, Quad, Regressor
@@ -48,6 +54,7 @@ __all__ = [
     'motion_error',
     'out_of_reach',
     'outline',
+    'payload_factors',
     'preserves_consistency',
     'reference_motion',
     'regular_posture',
@@ -55,6 +62,7 @@ __all__ = [
     'task_error',
     'task_inertia',
     'theta_step',
+    'tip_on_link',
     'tracking',
 ]
 
