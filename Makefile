@@ -6,14 +6,13 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 SOURCES := setup.py setup.cfg pyproject.toml constraints.txt tools/install_ros.sh
 
-.PHONY: help setup demo test test-all test-pages test-oldest lint docs bench soak clean
+.PHONY: help setup demo test test-all test-oldest lint docs bench soak clean
 
 help:
 	@echo 'make demo   set up and run the experiment of the paper on real ROS 2 nodes'
 	@echo 'make setup  set up, and compile the laws of the paper'
 	@echo 'make test   set up and run the tests, without those that take long by their nature'
 	@echo 'make test-all   all of them'
-	@echo 'make test-pages   the examples of the pages of the documentation'
 	@echo 'make test-oldest   the numerical tests and a live node with the oldest Numba and NumPy'
 	@echo 'make lint   style and types'
 	@echo 'make docs   the documentation as a site, build/docs/index.html; needs Node.js with npm'
@@ -54,10 +53,7 @@ test: $(VENV)/.installed-dev
 	@$(PYTEST) -n 4 -m 'not slow'
 
 test-all: $(VENV)/.installed-all
-	@$(PYTEST) -n 3 -m 'not pages'
-
-test-pages: $(VENV)/.installed-all
-	@$(PYTEST) -m pages
+	@$(PYTEST) -n 3
 
 # An environment of its own, of Python 3.12 where that is not the default: PYTHON=python3.12.
 OLDEST := .venv-oldest

@@ -41,6 +41,7 @@ MISSING = re.compile(
 
 
 LONG = (
+    'package/test_documentation_examples.py',
     'nodes/test_law_change_nodes.py',
     'loop/test_latency.py',
     'loop/test_tree_run.py',

@@ -44,11 +44,6 @@ from sybil.example import Example
 
 pytestmark = pytest.mark.slow
 
-FIRST_READ = (
-    'README', 'getting_started/first_run', 'getting_started/own_law', 'development/extending',
-)  # fmt: skip
-"""Pages that `make test-all` runs; `make test-pages` runs the others, which takes an hour."""
-
 FIRST_LINE = re.compile(r'# (\w+\.(?:py|yaml))\b')
 INSIDE = re.compile(r'# in masmc_ros/([\w/]+)\.py\b')
 SAMPLES = {'tiago.yaml': 'tiago', 'other.mcap': '', 'run.mcap': ''}
@@ -362,14 +357,7 @@ def page_run(tmp_path: Path, log: Path, monkeypatch: pytest.MonkeyPatch) -> Iter
                     del sys.modules[name]
 
 
-@pytest.mark.parametrize(
-    'page',
-    [
-        pytest.param(page, marks=() if page_name(page) in FIRST_READ else pytest.mark.pages)
-        for page in PAGES
-    ],
-    ids=page_name,
-)
+@pytest.mark.parametrize('page', PAGES, ids=page_name)
 def test_blocks_of_page_run(page: Path, page_run: PageRun) -> None:
     text = page.read_text(encoding='utf-8')
     if re.search(r'example-robot-data|config/(tiago|franka)', text):
