@@ -27,7 +27,7 @@ from masmc_ros.share import scenario_file
 _TICKS = 3
 """Ticks of a run that loads or compiles the closed loop."""
 
-_ARM = """
+_FILE = """
 /**:
   ros__parameters:
     robot:
@@ -64,7 +64,7 @@ def run(options: argparse.Namespace) -> int:
     if options.file is None and options.laws is None and not options.set:
         with TemporaryDirectory() as folder:
             path = Path(folder) / 'arm.yaml'
-            path.write_text(_ARM, encoding='utf-8')
+            path.write_text(_FILE, encoding='utf-8')
             _warm(str(path), [])
     return 0
 
