@@ -88,6 +88,8 @@ class Formula:
         """Initialise the formula of a function in plain Python."""
         update_wrapper(self, function)
         self.py_func = function
+        # A later edit of the file is another source than that of this process.
+        remember(function.__code__.co_filename)
 
     @cached_property
     def _compiled(self) -> Any:

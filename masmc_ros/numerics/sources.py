@@ -71,10 +71,10 @@ _modules = {
 _contents = {path: _read(path) for path in _modules.values()}
 
 
-def remember(path: str, stamp: Callable[[], object] = tuple) -> None:
+def remember(path: str, stamp: Callable[[], object] = str) -> None:
     """Read the file of a module that is being imported; `stamp` is the version of no file."""
-    if path not in _contents:
-        _contents[path] = _read(path) or repr(stamp())
+    if not _contents.get(path):
+        _contents[path] = _read(path) or str(stamp())
 
 
 def digest(roots: Iterable[str]) -> str:

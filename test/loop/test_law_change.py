@@ -6,14 +6,17 @@
 from __future__ import annotations
 
 from pathlib import Path
+import time
 from typing import Any
 
+from helpers import small_tree
 from masmc_ros.law import registry
 from masmc_ros.loop import preparation
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.preparation import Code, Effect, LawChange
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.robot import robot_of
+import numpy as np
 import pytest
 
 PAPER = Path(__file__).resolve().parents[2] / 'config' / 'paper.yaml'
@@ -210,3 +213,44 @@ def test_law_change_first_latency_waits_for_compilation(bench: Bench) -> None:
     assert bench.values('latency') == (0.02,)
     assert bench.controller.is_compensated
     assert change.request({'latency': 0.03}) == Effect({'latency': 0.03})
+
+
+LATE = 0.02
+"""Largest permitted lateness of a tick in s."""
+
+
+@pytest.mark.slow
+def test_law_change_compiled_meanwhile_no_tick_is_late(tmp_path: Path) -> None:
+    """A process compiles the code and a thread loads it, while this thread computes ticks."""
+    path = small_tree.write_scenario(tmp_path, small_tree.hand_at_start(), 1.0)
+    values = load_scenario(str(path))['controller']
+    robot = robot_of(values)
+    controller = Controller(robot, 1e-3, values)
+    change = LawChange(controller)
+    position = np.array(robot.start((0.0, 0.0, 0.0), small_tree.START))
+    velocity = np.zeros(len(position))
+    reference = np.zeros(3 * len(robot.mechanism.axes))
+    reference[:len(robot.mechanism.axes)] = robot.task_positions(position[None])[0]
+    controller.tick(position, velocity, reference)
+    latest, busiest = {}, 0.0
+    try:
+        for law in ('pid', 'computed_torque', 'super_twisting'):
+            start = time.thread_time()
+            effect = change.request({'law': law})
+            applied = effect if effect.values else None
+            late, due = time.thread_time() - start, time.monotonic()
+            while applied is None:
+                due = max(due + 2e-3, time.monotonic())
+                time.sleep(max(0.0, due - time.monotonic()))
+                start = time.thread_time()
+                applied = change.poll()
+                controller.tick(position, velocity, reference)
+                busiest = max(busiest, time.thread_time() - start)
+                late = max(late, time.monotonic() - due)
+            assert not applied.withdrawn, applied.text
+            latest[law] = late
+    finally:
+        change.close()
+    assert busiest < LATE
+    # Other processes of the machine may delay single ticks, but not those of every change.
+    assert min(latest.values()) < LATE, latest

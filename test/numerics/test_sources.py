@@ -175,6 +175,17 @@ def test_edit_of_constant_in_other_package_changes_result(tmp_path: Path) -> Non
     assert run() == '6.0 1'
 
 
+def test_edit_after_import_keeps_text_of_running_process(tmp_path: Path) -> None:
+    """A process must not save the code of what it has imported under the text of a later edit."""
+    path = tmp_path / 'edited.py'
+    text = 'from masmc_ros.numerics.compiled import formula\n@formula\ndef f(x):\n    return x\n'
+    path.write_text(text, encoding='utf-8')
+    exec(compile(text, str(path), 'exec'), {})
+    path.write_text(text.replace('return x', 'return 2.0 * x'), encoding='utf-8')
+    sources.closure([str(path)])
+    assert sources._contents[str(path)] == text
+
+
 COMPILED = """
 import json, sys
 from helpers.small_tree import parameters

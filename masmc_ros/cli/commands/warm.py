@@ -6,7 +6,9 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from masmc_ros.cli.arguments import add_settings
 from masmc_ros.cli.compile_notice import compile_notice
@@ -15,6 +17,7 @@ from masmc_ros.law import registry
 from masmc_ros.loop.preparation import code_for
 from masmc_ros.loop.simulated_robot import plant_of
 from masmc_ros.loop.simulation import Simulation
+from masmc_ros.numerics.record import AT_RUN_TIME
 from masmc_ros.params.declaration import Values
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.report.measure.labels import law_label
@@ -24,15 +27,29 @@ from masmc_ros.share import scenario_file
 _TICKS = 3
 """Ticks of a run that loads or compiles the closed loop."""
 
+_FILE = """
+/**:
+  ros__parameters:
+    robot:
+      task: joints
+      urdf: >
+        <robot name="arm"><link name="base_link"/><link name="arm">
+        <inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>
+        </inertial></link><joint name="joint" type="continuous"><parent link="base_link"/>
+        <child link="arm"/><axis xyz="0 0 1"/></joint></robot>
+"""
+"""Robot of a URDF: its code is that of all robots of URDFs."""
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
     parser.description = (
         'Compile what a parameter file needs for simulations and nodes, once per machine. Without'
-        " a file: the paper's robot and its two laws."
+        " a file: the paper's robot and its two laws, and without --laws also the default law of"
+        ' robots described by a URDF.'
     )
     text = 'ROS 2 parameter file, or the name of an installed one (masmc simulate --list)'
-    parser.add_argument('file', nargs='?', default='paper', help=text)
+    parser.add_argument('file', nargs='?', help=text)
     text = 'laws, separated by commas, or all; by default smc, rasmc and that of the file'
     parser.add_argument('--laws', metavar='LAWS', help=text)
     add_settings(parser)
@@ -40,19 +57,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Compile the code of each law, and print the time that this took."""
-    file = scenario_file(options.file)
+    file = scenario_file(options.file or 'paper')
     values = load_scenario(file, options.set)
     for law in _laws(options.laws, values['controller']['law']):
-        duration = _TICKS * values['plant']['control_period']
-        chosen = [*options.set, f'controller.law={law}', f'duration={duration}']
-        values = load_scenario(file, chosen)
-        robot = mechanism_from(values['plant']).name
-        label = f'{law_label(values["controller"])} for {robot}'
-        with compile_notice(label) as watch:
-            _load(values)
-        state = f'compiled in {watch.total:.1f} s' if watch.total > 0.0 else 'present'
-        print(f'{label}: {state}')
+        _warm(file, [*options.set, f'controller.law={law}'])
+    if options.file is None and options.laws is None and not options.set:
+        with TemporaryDirectory() as folder:
+            path = Path(folder) / 'arm.yaml'
+            path.write_text(_FILE, encoding='utf-8')
+            _warm(str(path), [])
     return 0
+
+
+def _warm(file: str, settings: Sequence[str]) -> None:
+    """Load or compile the code of a parameter file with settings; print one line."""
+    values = load_scenario(file, settings)
+    duration = _TICKS * values['plant']['control_period']
+    values = load_scenario(file, [*settings, f'duration={duration}'])
+    mechanism = mechanism_from(values['plant'])
+    robot = 'robots of URDFs' if AT_RUN_TIME in mechanism.sizes else mechanism.name
+    label = f'{law_label(values["controller"])} for {robot}'
+    with compile_notice(label) as watch:
+        _load(values)
+    state = f'compiled in {watch.total:.1f} s' if watch.total > 0.0 else 'present'
+    print(f'{label}: {state}')
 
 
 def _laws(chosen: str | None, of_file: str) -> tuple[str, ...]:

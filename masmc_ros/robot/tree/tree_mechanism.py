@@ -44,7 +44,7 @@ from masmc_ros.robot.tree.frames import (
     world_of,
 )
 from masmc_ros.robot.tree.model import packed
-from masmc_ros.robot.tree.spatial import PER_BODY, rotate, scale, transpose
+from masmc_ros.robot.tree.spatial import PER_BODY, rotate, transpose
 from masmc_ros.robot.tree.task.outputs import Task, task_of, TaskRobot
 from masmc_ros.robot.urdf import Description, read_urdf, read_urdf_file
 import numpy as np
@@ -294,7 +294,7 @@ class TreeMechanism(Mechanism):
                 # The base is the child of the links above it in the file.
                 rotation, offset = joint_pose(below[parent], 0.0)
                 back = transpose(rotation)
-                origin[i] = pose(back, scale(rotate(back, offset), -1.0))
+                origin[i] = pose(back, tuple(-value for value in rotate(back, offset)))
                 continue
             origin[i] = pose(*joint_pose(joint, self.held.get(joint.name, 0.0)))
             if joint.name in places:
