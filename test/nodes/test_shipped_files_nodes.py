@@ -21,7 +21,7 @@ NODES = ('plant', 'trajectory', 'controller')
 INTERPRETED = {'NUMBA_DISABLE_JIT': '1'}
 """The values are the same, without a minute of compilation for each robot."""
 
-TREES = ('tiago', 'tiago_pro', 'franka_on_omni')
+TREES = ('tiago', 'tiago_pro', 'franka_on_omni', 'ur5')
 """Parameter files whose URDF is part of the extra `robots`."""
 
 AWAITED, WITNESS = ('trajectory', 'controller'), 'witness'
