@@ -272,7 +272,7 @@ def _short(message: Any) -> str:
     parts = []
     for name in message.get_fields_and_field_types():
         value = getattr(message, name)
-        if not isinstance(value, bool | int | float | str):
+        if hasattr(value, '__len__') and not isinstance(value, str):
             if not len(value):
                 continue
             value = f'{len(value)} × {value[0]}' if len(value) else ''

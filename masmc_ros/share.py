@@ -10,6 +10,9 @@ import sys
 
 from masmc_ros.errors import InputError
 
+_OTHER = 'ros2_control'
+"""Start of the names of parameter files for the nodes of other packages."""
+
 
 def shared_file(*parts: str) -> Path:
     """
@@ -27,7 +30,8 @@ def shared_file(*parts: str) -> Path:
 def scenarios() -> dict[str, Path]:
     """Return the parameter files that are installed with the package, by name."""
     files = (sorted(folder.glob('config/*.yaml')) for folder in _folders())
-    return {path.stem: path for path in next(filter(None, files), [])}
+    first = next(filter(None, files), [])
+    return {path.stem: path for path in first if not path.stem.startswith(_OTHER)}
 
 
 def scenario_file(name: str) -> str:

@@ -12,6 +12,7 @@ from masmc_ros.law import registry
 from masmc_ros.law.command_interface import by_velocity, is_hybrid, takes_rates
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts import velocity_estimator
+from masmc_ros.law.parts.delay_compensation import HISTORY
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES
 from masmc_ros.law.plug_in import PlugInLaw
 from masmc_ros.loop import records
@@ -164,12 +165,14 @@ class Controller:
         Account for skipped ticks, during which the last torque was held.
 
         The disturbance estimate ignores them, and the velocity estimator treats them as one long
-        period.
+        period. The compensation of latency restarts if they exceed its history of commands.
         """
         self._void()
         self.memory['left_out'] += periods
         if self.is_compensated:
             self.memory['skipped'] += periods
+            if self.memory['skipped'][0, 0] > HISTORY:
+                self.memory['history_initialised'] = 0
 
     def reset_adaptation(self) -> None:
         """Reset the adaptation: set theta_hat to nominal and re-initialise the law's memory."""

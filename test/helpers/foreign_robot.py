@@ -1,24 +1,25 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Third-party robot in real time: some joints in another order, odometry, its own clock."""
+"""Third-party robots in real time: some joints in another order, odometry, their own clock."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from pathlib import Path
 import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import Twist
+from geometry_msgs.msg import Twist, TwistStamped
 from helpers.processes import PAPER, Peer
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.messages.commands import EffortCdr
-from masmc_ros.messages.names import JOINTS
 from masmc_ros.messages.transforms import TransformsCdr
 from masmc_ros.nodes.middleware.raw_types import raw_class
 from masmc_ros.params.scenario import load_scenario
+from masmc_ros.robot.joint_names import joint_names
 from masmc_ros.robot.robot import robot_of
-from masmc_ros.robot.two_link.platform_motion import base_motion as platform_motion
 from nav_msgs.msg import Odometry
 import numpy as np
 from sensor_msgs.msg import JointState
@@ -27,9 +28,6 @@ from std_msgs.msg import Float64MultiArray, String
 PERIOD = 0.005
 LATE = 0.03
 """Age of states in s when they are sent."""
-
-ORDER = [6, 3, 5, 4]
-"""Driven joints in the order of the robot's messages."""
 
 MOST_TICKS = 4
 """Maximum number of ticks to catch up; after longer delays of the test robot time is lost."""
@@ -60,27 +58,66 @@ class ForeignRobot:
     publishes_states
         whether the robot publishes joint states.
     velocities_seen
-        true velocities (7) at all times.
+        true velocities (positions) at all times.
 
     """
 
-    def __init__(self, tester: Peer, *, is_hybrid: bool = False, settings: Any = ()) -> None:
+    def __init__(
+        self,
+        tester: Peer,
+        *,
+        is_hybrid: bool = False,
+        file: Path = PAPER,
+        settings: Sequence[str] = (),
+        period: float = PERIOD,
+        late: float = LATE,
+        has_brakes: bool = False,
+        topics: tuple[str, str] = ('effort_commands', 'cmd_vel'),
+        twist_type: Any = Twist,
+    ) -> None:
         """
         Initialise the robot, and publish until the tester ends.
 
-        With `is_hybrid` it takes a twist for the base and torques of the arm. It then publishes
-        odometry at every fourth period, one period late, and the transform from `map` to `odom`.
+        Parameters
+        ----------
+        tester
+            Node of the robot.
+        is_hybrid
+            True for a robot that takes a twist for the base and torques of the arm. It publishes
+            odometry at every fourth period, one period late, and the transform from `map` to
+            `odom`.
+        file, settings
+            Parameter file of the robot, and settings of its plant.
+        period, late
+            Time between two states, and the age of their stamps, in s.
+        has_brakes
+            True for brakes that hold the robot until the first torque.
+        topics, twist_type
+            Names of the topics of torques and twists, and the type of the twists.
+
         """
-        # The robot is at rest until the first command.
-        calm = ('plant.disturbance.amplitude=[0.0, 0.0, 0.0, 0.0]',)
         hybrid = ('plant.command_interface=hybrid',) if is_hybrid else ()
-        values = load_scenario(str(PAPER), (*calm, *hybrid, *settings))['plant']
-        self._robot = SimulatedRobot(robot_of(values), PERIOD, values)
+        values = load_scenario(str(file), (*hybrid, *settings))['plant']
+        # The robot is at rest until the first command.
+        values['disturbance.amplitude'] = tuple(0.0 for _ in values['disturbance.amplitude'])
+        # The first ticks compile; meanwhile a robot would not publish.
+        trial = SimulatedRobot(robot_of(values), period, values)
+        trial.advance(None)
+        trial.advance(np.zeros(len(trial.mechanism.joints)))
+        self._robot = SimulatedRobot(robot_of(values), period, values)
+        mechanism = self._robot.mechanism
+        self._period, self._late = period, 0.0 if is_hybrid else late
         self._start = time.monotonic()
-        self._is_hybrid = is_hybrid
-        self._command = EffortCdr(JOINTS[5:]) if is_hybrid else EffortCdr()
-        self._torque, self._twist = np.zeros(2 if is_hybrid else 4), np.zeros(2)
-        self._posed = np.zeros(7), np.zeros(7), 0
+        self._is_hybrid, self._has_brakes = is_hybrid, has_brakes
+        self._names = joint_names(values)
+        first, count = len(mechanism.base), len(self._names)
+        # The order differs from that of the controller, which does not know the other joints.
+        self._order = [count - 1, first, *reversed(range(first + 1, count - 1))]
+        self._others = ('gripper',)
+        driven = self._names[first + (len(mechanism.twist) if is_hybrid else 0):]
+        self._command = EffortCdr(driven)
+        self._torque, self._twist = np.zeros(len(driven)), np.zeros(2)
+        self._posed = np.zeros(count), np.zeros(count), 0
         self.correction = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
         self.publishes_states = True
         self.velocities_seen: list[np.ndarray] = []
@@ -92,12 +129,12 @@ class ForeignRobot:
         self.torques: list[np.ndarray] = []
         self.answered: list[int] = []
         self.wrong: list[bytes] = []
-        tester.subscribe(Float64MultiArray, 'effort_commands', self._on_command, raw=True)
+        tester.subscribe(Float64MultiArray, topics[0], self._on_command, raw=True)
         if is_hybrid:
             self._transforms = TransformsCdr('', (('map', 'odom'),))
             self._tf = tester.publisher(raw_class('tf2_msgs/msg/TFMessage'), '/tf')
-            tester.subscribe(Twist, 'cmd_vel', self._on_twist)
-        tester.node.create_timer(PERIOD, self._advance)
+            tester.subscribe(twist_type, topics[1], self._on_twist)
+        tester.node.create_timer(period, self._advance)
 
     @property
     def task_position(self) -> np.ndarray:
@@ -106,8 +143,9 @@ class ForeignRobot:
         position[:2] += self.correction[:2]
         return self._robot.robot.task_positions(position[None])[0]
 
-    def _on_twist(self, message: Twist) -> None:
-        self._twist = np.array([message.linear.x, message.angular.z])
+    def _on_twist(self, message: Twist | TwistStamped) -> None:
+        twist = message.twist if isinstance(message, TwistStamped) else message
+        self._twist = np.array([twist.linear.x, twist.angular.z])
 
     def _on_command(self, raw: bytes) -> None:
         if self._command.load(raw):
@@ -122,11 +160,12 @@ class ForeignRobot:
         """Advance the robot to the current time and publish its state."""
         if not self.is_on:
             return
-        ticks = int((time.monotonic() - self._start) / PERIOD)
+        ticks = int((time.monotonic() - self._start) / self._period)
         if ticks <= self._robot.tick:
             return
-        lost = max(0, ticks - self._robot.tick - MOST_TICKS)
-        self._start += lost * PERIOD
+        self._has_brakes &= not self._torque.any()
+        lost = max(0, ticks - self._robot.tick - (0 if self._has_brakes else MOST_TICKS))
+        self._start += lost * self._period
         # The drives hold zero velocity without a command, as those of real robots do.
         is_held = time.monotonic() - self._commanded > WATCHDOG
         twist = self._twist if self._is_hybrid else self._twist[:0]
@@ -134,7 +173,7 @@ class ForeignRobot:
             command = np.concatenate([twist, self._torque])
             self._robot.advance(None if is_held else command)
         self.velocities_seen.append(self._robot.true_velocity.copy())
-        stamp = time.time_ns() - round((0.0 if self._is_hybrid else LATE) * 1e9)
+        stamp = time.time_ns() - round(self._late * 1e9)
         if self._is_hybrid:
             self._publish_base(stamp)
         elif self.publishes_pose:
@@ -150,16 +189,20 @@ class ForeignRobot:
         self._posed = self._robot.position.copy(), self._robot.velocity.copy(), stamp
 
     def publish_state(self, stamp: int) -> None:
-        state = JointState(name=['gripper', *(JOINTS[i] for i in ORDER)])
+        state = JointState(name=[*self._others, *(self._names[i] for i in self._order)])
         state.header.stamp.sec, state.header.stamp.nanosec = divmod(stamp, 10**9)
-        state.position = [0.5, *self._robot.position[ORDER].tolist()]
-        state.velocity = self.velocities([0.0, *self._robot.velocity[ORDER].tolist()])
+        others, order = len(self._others), self._order
+        state.position = [*[0.5] * others, *self._robot.position[order].tolist()]
+        state.velocity = self.velocities(
+            [*[0.0] * others, *self._robot.velocity[order].tolist()]
+        )
         self._states.publish(state)
 
     def publish_pose(self, stamp: int, position: Any = None, velocity: Any = None) -> None:
         position = self._robot.position if position is None else position
         velocity = self._robot.velocity if velocity is None else velocity
-        poses, twists = platform_motion(position[None], velocity[None])
+        motion = self._robot.mechanism.formulas.base_motion
+        poses, twists = motion(position[None], velocity[None])
         message = Odometry()
         message.header.frame_id, message.child_frame_id = 'odom', 'base_link'
         message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
@@ -185,8 +228,8 @@ class Watched(ForeignRobot):
 
     """
 
-    def __init__(self, tester: Peer, *, is_hybrid: bool = False) -> None:
-        super().__init__(tester, is_hybrid=is_hybrid)
+    def __init__(self, tester: Peer, **options: Any) -> None:
+        super().__init__(tester, **options)
         self.tester = tester
         self.controller_states: list[str] = []
         self.health: dict[str, str] = {}

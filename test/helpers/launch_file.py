@@ -118,17 +118,3 @@ def _started(node: _Node, file: Path) -> Started:
     for source, target in node['remappings']:
         command += ['-r', f'{source}:={target}']
     return Started(node['executable'], command)
-
-
-def node_arguments(node: Mapping[str, Any]) -> Started:
-    """Return the arguments of a node of a launch description, with a setting per parameter."""
-    command = ['--ros-args']
-    for parameters in node['parameters']:
-        if isinstance(parameters, Mapping):
-            for name, value in parameters.items():
-                command += ['-p', f'{name}:={value}']
-        else:
-            command += ['--params-file', str(parameters)]
-    for source, target in node.get('remappings', ()):
-        command += ['-r', f'{source}:={target}']
-    return Started(node['executable'], command)

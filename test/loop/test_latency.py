@@ -8,8 +8,11 @@ from __future__ import annotations
 from pathlib import Path
 import sys
 
+from masmc_ros.loop.closed_loop import NOT_FINITE
+from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.params.scenario import load_scenario
+from masmc_ros.robot.robot import robot_of
 import numpy as np
 import pytest
 
@@ -68,6 +71,23 @@ def test_planar_robot_other_gains_have_documented_error(
     error, variation = result('paper.yaml', *SMC, *gains, *delayed(latency))
     assert error < largest
     assert variation < 15.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('pause', [0.5, 10.0, 3600.0])
+def test_tree_pause_of_states_prediction_continues(pause: float) -> None:
+    """The prediction does not integrate the model over a pause that is longer than its history."""
+    values = load_scenario(str(ROOT / 'config' / 'ur5.yaml'), delayed(0.01))['controller']
+    controller = Controller(robot_of(values), values['control_period'], values)
+    position = np.array([0.0, 0.0, 0.0, 0.0, -1.2, 1.4, -1.8, -1.57, 0.0])
+    reference = np.zeros(18)
+    reference[:6] = controller.robot.task_positions(position[None])[0]
+    for skipped in (0, 0, round(pause / values['control_period']), 0, 0):
+        controller.skip(skipped)
+        assert not controller.answer(position, np.zeros(9), reference) & NOT_FINITE
+        # A robot at rest in its goal needs its weight only.
+        torque = controller.torque.copy()
+        assert (np.abs(torque) < [1.0, 60.0, 30.0, 5.0, 5.0, 1.0]).all()
 
 
 @pytest.mark.slow

@@ -195,8 +195,8 @@ WRITTEN = {
     'layout.json',
     'metadata.yaml',
     'tuned.yaml',
+    'first_torque.yaml',
     'my_path.yaml',
-    'my_robot.launch.py',
     'my_robot.yaml',
 }
 """Files that commands or users write."""

@@ -354,17 +354,19 @@ def _states(
     contents: LogContents, namespace: str, topic: Topic, mechanism: Mechanism,
     names: tuple[str, ...],
 ) -> tuple[decode.Series, Topic | None]:
-    """Return the states, and the odometry if they lack the base's joints."""
+    """Return the states, and the odometry if they lack the joints of a moving base."""
+    driven = names[len(mechanism.base):]
     try:
         return decode.decode_topic(topic, decode.joint_states(names)), None
     except InputError as error:
+        if not mechanism.twist:
+            return decode.decode_topic(topic, decode.joint_states(names, driven)), None
         if not mechanism.is_planar:
             raise
         odometry = _topic(contents, namespace + 'odom', ODOMETRY)
         if odometry is None:
             hint = _hint(_elsewhere(contents, namespace, ODOMETRY), f'{namespace}odom')
             raise InputError(f'{error}{hint}') from None
-        driven = names[len(mechanism.base):]
         return decode.decode_topic(topic, decode.joint_states(names, driven)), odometry
 
 

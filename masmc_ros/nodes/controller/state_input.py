@@ -78,6 +78,8 @@ class StateInput:
         self._base: BasePose | None = None
         self._reckoning: DeadReckoning | None = None
         self._joints, self._moves_freely = names, False
+        self._driven = driven_joint_names(values)
+        self._is_fixed = not robot.mechanism.twist
         self._is_waiting = False
         self._missing_pose: str | None = None
         self._frame: str = values['pose_frame']
@@ -85,7 +87,7 @@ class StateInput:
         self._corrected = -float('inf')
         self._transforms: dict[str, Array] = {}
         if values['pose_source'] == _ODOM:
-            self._joints = driven_joint_names(values)
+            self._joints = self._driven
             kind = robot.mechanism
             # An omnidirectional base has no joints: its twist stands for theirs.
             self._moves_freely = kind.joints[0].unit == 'm'
@@ -136,7 +138,11 @@ class StateInput:
         """Read a message of any layout into a state; return its stamp in ns, or InputError."""
         unknown = 0.0 if self._values['velocity_source'] == SOURCES[ESTIMATED] else None
         message = deserialized(raw, JointState)
-        state.load_message(message, self._joints, unknown_velocity=unknown)
+        joints = self._joints
+        # The driver of an arm on a table publishes no pose of its base, which is then zero.
+        if self._is_fixed and joints[0] not in message.name:
+            joints = self._driven
+        state.load_message(message, joints, unknown_velocity=unknown)
         return state.stamp_ns
 
     def _missing_source(self, base: BasePose, stamp: int) -> str:
