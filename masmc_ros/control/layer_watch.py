@@ -65,7 +65,8 @@ class LayerWatch:
         controller, values = self._controller, self._controller.values
         if not controller.uses_switching or values['switching'] not in _LAYERED:
             return None
-        theta = controller.nominal / values['model_scale']
+        unscaled = (1.0 - values['model_scale']) * controller.robot.theta
+        theta = controller.nominal + unscaled
         inertia = self._least_inertia(theta, position)
         k_s1, k_s2, layer = max(values['k_s1']), max(values['k_s2']), values['boundary_layer']
         longest = longest_hold(inertia, k_s1, k_s2, layer)

@@ -28,6 +28,9 @@ class Settings(LawSettings):
     observer_gain: float
     slip_backoff: float
     model_scale: float
+    payload_mass: float
+    payload_com: Numbers
+    payload_inertia: Numbers
     leakage: float
     e_modification: float
     dead_zone: float

@@ -138,7 +138,7 @@ class BatchSimulation:
         records.write_law(self._settings, nominal, period, control, lane)
         if records.is_compensated(control):
             fill(self._settings, 'stamp_age', stamp_age(plant['measurement_delay'], period), lane)
-        fill(self._learned, 'estimate', control['model_scale'] * nominal.theta, lane)
+        fill(self._learned, 'estimate', records.nominal_theta(nominal, control), lane)
 
     def run(self, block: int = BLOCK) -> Iterator[NDArray[np.void]]:
         """

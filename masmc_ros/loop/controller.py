@@ -13,6 +13,7 @@ from masmc_ros.law.command_interface import by_velocity, is_hybrid, takes_rates
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts import velocity_estimator
 from masmc_ros.law.parts.delay_compensation import HISTORY
+from masmc_ros.law.parts.model import PAYLOAD
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES
 from masmc_ros.law.plug_in import PlugInLaw
 from masmc_ros.loop import records
@@ -91,7 +92,7 @@ class Controller:
         self.error, self.surface = signals['error'][:, 0], signals['surface'][:, 0]
         self.used_estimate = signals['estimate'][:, 0]
         self.velocity_command = signals['rates'][:, 0]
-        self.nominal = values['model_scale'] * robot.theta
+        self.nominal = records.nominal_theta(robot, values)
         self.commands_rates = takes_rates(values)
         self.is_hybrid = is_hybrid(values)
         self.by_velocity = by_velocity(values, self.mechanism)
@@ -188,14 +189,17 @@ class Controller:
         """
         Apply checked values of some parameters from the next tick onwards.
 
-        theta_hat persists, within the bounds of an active projection. The disturbance estimate
-        restarts at zero if it is enabled or disabled, or if the implicit law becomes active.
+        theta_hat persists, within the bounds of an active projection; a change of the payload is
+        added to it. The disturbance estimate restarts at zero if it is enabled or disabled, or if
+        the implicit law becomes active.
         """
         before, law, was_compensated = self.values, self._law, self.is_compensated
         changed = {**before, **values}
         chooses = any(changed[name] != before[name] for name in ('law', 'switching'))
         if chooses or records.is_compensated(changed) != was_compensated:
             self._choose(changed)
+        if any(changed[name] != before[name] for name in PAYLOAD):
+            self._carry(records.nominal_theta(self.robot, changed))
         self._apply(changed)
         switched = changed['switching'] != before['switching'] or law.uses_switching != (
             self._law.uses_switching
@@ -322,6 +326,12 @@ class Controller:
         self.is_compensated = compensated
         self._of_tick_before = records.of_tick_before(law, compensated=compensated)
         self.settings, self._read, self.memory = settings, read, memory
+
+    def _carry(self, nominal: Array) -> None:
+        """Replace the nominal model (parameters), and change theta_hat as much."""
+        self.estimate[:] += nominal - self.nominal
+        self.nominal = nominal
+        fill(self.settings, 'nominal', nominal)
 
     def _new_memory(self) -> records.Records:
         return records.law_memory(self.mechanism, self._law, compensated=self.is_compensated)

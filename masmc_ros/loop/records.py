@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 import hashlib
 import inspect
 import math
@@ -69,11 +70,24 @@ def write_law(
 ) -> None:
     """Write the settings of a law that are not parameters: nominal robot and control period."""
     fill(settings, 'geometry', robot.geometry, lane)
-    fill(settings, 'nominal', values['model_scale'] * robot.theta, lane)
+    fill(settings, 'nominal', nominal_theta(robot, values), lane)
     fill(settings, 'period', period, lane)
     fill(settings, 'takes_rates', takes_rates(values), lane)
     fill(settings, 'by_velocity', by_velocity(values, robot.mechanism), lane)
     fill(settings, 'group', robot.mechanism.group_of_joints, lane)
+
+
+def nominal_theta(robot: Robot, values: Values) -> NDArray[np.float64]:
+    """
+    Return theta (parameters) of the nominal model: the scaled robot, and the announced payload.
+
+    Raises InputError if the type of robot has no payload.
+    """
+    scaled = replace(robot, theta=values['model_scale'] * robot.theta)
+    if values['payload.mass'] == 0.0:
+        return scaled.theta
+    centre, inertia = (np.array(values[f'payload.{name}']) for name in ('com', 'inertia'))
+    return scaled.theta_with_payload(values['payload.mass'], centre, inertia)
 
 
 def law_tag(law: Law) -> str:

@@ -204,7 +204,6 @@ class SafeStop:
         kind = controller.mechanism
         self._record = new_record(_FIELDS, kind.sizes, 1, {'mechanism': kind.tag})
         fill(self._record, 'geometry', controller.robot.geometry)
-        fill(self._record, 'nominal', controller.nominal)
         fill(self._record, 'period', controller.period)
         self._gain = self._stiffness = self._pull = 0.0
         self._stamp = 0
@@ -248,6 +247,7 @@ class SafeStop:
         angles = position[-len(rates):]
         goal = self._regular_posture(angles, rates) if action == UNFOLD else None
         for name, value in (
+            ('nominal', controller.nominal),
             ('limit', controller.values['torque_limit']),
             ('rate_limit', controller.values['torque_rate_limit']),
             ('angles', angles),

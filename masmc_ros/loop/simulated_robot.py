@@ -28,6 +28,7 @@ from masmc_ros.numerics.record import fill
 from masmc_ros.optional import explained
 from masmc_ros.params.declaration import Parameter, Values
 from masmc_ros.plant_model.drives import joint_inertias, lag_shares
+from masmc_ros.plant_model.elastic import LONGEST_STEP, natural_frequency
 from masmc_ros.plant_model.stiction import bristle_gains
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.robot import Robot, robot_of
@@ -223,6 +224,31 @@ def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
             minimum=0.0,
             exclusive_minimum=True,
         ),
+        of_joints(
+            'joint_stiffness',
+            'Stiffness of each joint between its motor, whose angle is measured, and its link; '
+            '0: rigid',
+            'N·m/rad',
+            broadcast=True,
+            minimum=0.0,
+        ),
+        of_joints(
+            'joint_damping',
+            'Damping of each elastic joint',
+            'N·m·s/rad',
+            broadcast=True,
+            minimum=0.0,
+        ),
+        of_joints(
+            'rotor_inertia',
+            'Inertia of the rotor of each elastic joint, at the joint and in addition to that of '
+            'the robot',
+            'kg·m²',
+            0.1,
+            broadcast=True,
+            minimum=0.0,
+            exclusive_minimum=True,
+        ),
         Parameter(
             'measures_velocity',
             True,
@@ -377,8 +403,13 @@ def write_plant(
     delay, delay_span = _ticks_of_delay(values, 'measurement_delay', period)
     command_delay, command_delay_span = _ticks_of_delay(values, 'command_delay', period)
     lacks_velocity = not values['measures_velocity']
+    stiffness = values['joint_stiffness']
     imperfect = (
-        *values['encoder_resolution'], *values['velocity_noise'], delay, lacks_velocity
+        *values['encoder_resolution'],
+        *values['velocity_noise'],
+        *stiffness,
+        delay,
+        lacks_velocity,
     )
     step = values['integrator_step']
     check_count(
@@ -423,12 +454,17 @@ def write_plant(
         'has_losses': any((*values['motor_lag'], *values['stiction.torque'])),
         'stiction': values['stiction.torque'],
         'stiction_velocity': values['stiction.velocity'],
+        'is_elastic': any(stiffness),
+        'joint_stiffness': stiffness,
+        'joint_damping': values['joint_damping'],
+        'rotor_inertia': values['rotor_inertia'],
     }.items():
         fill(settings, name, value, lane)
     # Without a lane, all lanes have the same values.
     inertias = joint_inertias(settings, np.array(values['initial_joints']), lane or 0)
     fill(settings, 'inertia', inertias, lane)
     step = period / steps
+    _check_frequencies(values, robot.mechanism, inertias, step)
     base_decay = np.zeros(len(follows))
     base_decay[:len(robot.mechanism.twist)] = lag_shares(values['base_lag'], period, 2.0 * step)[0]
     fill(settings, 'base_decay', base_decay, lane)
@@ -454,6 +490,21 @@ def _true_theta(robot: Robot, values: Values) -> NDArray[np.float64]:
     return robot.theta_with_payload(mass, np.zeros(3), np.zeros(6))
 
 
+def _check_frequencies(
+    values: Values, mechanism: Mechanism, inertias: NDArray[np.float64], step: float
+) -> None:
+    """Raise InputError if an elastic joint is too fast for the integration step in s."""
+    parts = zip(values['joint_stiffness'], values['rotor_inertia'], inertias, strict=True)
+    for joint, part in zip(mechanism.joints, parts, strict=True):
+        frequency = natural_frequency(*part)
+        if frequency * step > LONGEST_STEP:
+            raise InputError(
+                f'plant.integrator_step: elastic joint {joint.short} has a natural frequency of '
+                f'{frequency:.4g} rad/s; expected at most {LONGEST_STEP / frequency:.2g} s, or a '
+                'smaller joint_stiffness'
+            )
+
+
 def stamp_age(delay: float, period: float) -> float:
     """Return the mean time in s from a measurement to its stamp, for a `measurement_delay`."""
     return round(delay / period) * period
@@ -474,6 +525,8 @@ def write_start(
     still = np.zeros(len(values['initial_velocity']))
     fill(memory, 'position', position, lane)
     fill(memory, 'rates', values['initial_velocity'], lane)
+    fill(memory, 'rotor_angles', values['initial_joints'], lane)
+    fill(memory, 'rotor_rates', values['initial_velocity'], lane)
     for name in (
         *('drive_integral', 'driven', 'target', 'motor'),
         *('deflection', 'stiction', 'followed_rates'),

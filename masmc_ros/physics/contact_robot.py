@@ -52,6 +52,11 @@ class ContactRobot(SimulatedRobot):
 
     def __init__(self, robot: Robot, period: float, values: Values) -> None:
         """Initialise like `SimulatedRobot`; raise InputError if MuJoCo rejects the robot."""
+        if any(values['joint_stiffness']):
+            raise InputError(
+                'plant.joint_stiffness: expected 0 with plant.physics mujoco; rigid has elastic '
+                'joints'
+            )
         self._steps = max(1, round(period / values['integrator_step']))
         self._parts, self._loaded = (
             contact_model(

@@ -50,6 +50,10 @@ class PlantSettings:
     stiction_velocity: Joints
     bristle_stiffness: Joints
     bristle_damping: Joints
+    is_elastic: int
+    joint_stiffness: Joints
+    joint_damping: Joints
+    rotor_inertia: Joints
 
 
 class PlantMemory:
@@ -74,6 +78,13 @@ class PlantMemory:
     stiction: Joints
     driven: Joints
     drive_integral: Joints
+    rotor_angles: Joints
+    rotor_rates: Joints
+    reached_rotors: Joints
+    reached_rotor_rates: Joints
+    rotor_slopes: Joints
+    rotor_accelerations: Joints
+    actuated: Joints
     odometry: Numbers
     counted: Joints
     standard_noise: Joints

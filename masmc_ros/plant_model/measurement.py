@@ -4,10 +4,10 @@
 """
 Measurement of the plant's state: encoders, odometry, noisy rates and delay.
 
-The encoders quantise the joint angles. The measured base pose is odometry from the quantised
-angles, and exact without quantisation. Rates have noise; those of the base are computed from the
-joint rates, so all measurements are consistent. Without measured velocities they are zero. Finally
-all values are delayed by whole ticks, and some are lost.
+The encoders quantise the angles of joints, or of the rotors of elastic joints. The measured base
+pose is odometry from the quantised angles, and exact without quantisation. Rates have noise; those
+of the base are computed from the joint rates, so all measurements are consistent. Without measured
+velocities they are zero. Finally all values are delayed by whole ticks, and some are lost.
 """
 
 from __future__ import annotations
@@ -18,9 +18,10 @@ from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.portable_random import gaussian
 from masmc_ros.numerics.record import lane_count
 from masmc_ros.numerics.scalars import minus, zero
-from masmc_ros.numerics.tuples import elementwise, head, joined, tail
+from masmc_ros.numerics.tuples import elementwise, head, joined
 from masmc_ros.numerics.vectors import free, mark
 from masmc_ros.plant_model.delays import is_lost, newest, OF_MEASUREMENT
+from masmc_ros.plant_model.elastic import rotor_angles, rotor_rates
 from masmc_ros.plant_model.fields import PlantMemory, PlantSettings, Signals
 from masmc_ros.robot import mechanism
 
@@ -80,15 +81,15 @@ def measure(plant: PlantSettings, memory: PlantMemory, tick: int, signals: Signa
 
     """
     place, model = mark(plant), mechanism.model_of(plant)
-    position, rates = memory.position, memory.rates
-    resolution, pose = plant.resolution, memory.odometry
-    angles = elementwise(quantised, tail(position, rates), resolution)
+    position, resolution, pose = memory.position, plant.resolution, memory.odometry
+    angles = elementwise(quantised, rotor_angles(plant, memory), resolution)
     counts = mechanism.counts_turns(model, resolution) & (tick != 0)
     turned = elementwise(minus, angles, memory.counted)
     counted = mechanism.dead_reckoned(model, pose, turned)
     pose = elementwise(_chosen, counts, counted, head(position, pose))
     memory.odometry = pose
     memory.counted = angles
+    rates = rotor_rates(plant, memory)
     rates = elementwise(_noisy, rates, plant.noise, memory.standard_noise)
     seen = joined(pose, angles)
     posture = mechanism.posture(model, seen)

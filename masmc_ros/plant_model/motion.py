@@ -25,7 +25,7 @@ def _moved(value: float, h: float, rate: float) -> float:
 
 
 @formula
-def _summed(total: float, slope: float, weight: float, is_first: bool) -> float:
+def summed(total: float, slope: float, weight: float, is_first: bool) -> float:
     """Return the sum of the slopes so far with their weights."""
     return slope if is_first else total + weight * slope
 
@@ -33,6 +33,46 @@ def _summed(total: float, slope: float, weight: float, is_first: bool) -> float:
 @formula
 def _chosen(slope: float, total: float, is_last: bool) -> float:
     return total if is_last else slope
+
+
+@formula
+def weights_of_stage(stage: int, h: float) -> tuple[bool, bool, float, float]:
+    """
+    Return whether a stage is the first or the last one, the weight of its slope, and the step.
+
+    Parameters
+    ----------
+    stage
+        Number of the stage, from 0.
+    h
+        Length of the step in s.
+
+    """
+    is_first, is_last = stage == 0, stage == 3
+    weight = 1.0 if is_last else 2.0
+    # To the next stage from the start of the step, and to the end of it along all slopes.
+    part = h / 6.0 if is_last else (h if stage == 2 else 0.5 * h)
+    return is_first, is_last, weight, part
+
+
+@formula
+def moved_along(
+    value: Numbers, slope: Numbers, slopes: Numbers, is_last: bool, part: float
+) -> Numbers:
+    """
+    Return a vector at the next stage, or at the end of the step.
+
+    Parameters
+    ----------
+    value
+        Its value at the start of the step.
+    slope, slopes
+        Derivative at this stage, and the weighted sum of all.
+    is_last, part
+        Of `weights_of_stage`.
+
+    """
+    return elementwise(_moved, value, part, elementwise(_chosen, slope, slopes, is_last))
 
 
 @formula
@@ -81,10 +121,8 @@ def runge_kutta_stage(plant: PlantSettings, memory: PlantMemory, stage: int, h: 
         Length of the step in s.
 
     """
-    place, is_first, is_last = mark(plant), stage == 0, stage == 3
-    weight = 1.0 if is_last else 2.0
-    # To the next stage from the start of the step, and to the end of it along all slopes.
-    part = h / 6.0 if is_last else (h if stage == 2 else 0.5 * h)
+    place = mark(plant)
+    is_first, is_last, weight, part = weights_of_stage(stage, h)
     slope, acceleration = derivative(
         mechanism.model_of(plant),
         plant.theta,
@@ -92,13 +130,12 @@ def runge_kutta_stage(plant: PlantSettings, memory: PlantMemory, stage: int, h: 
         memory.reached_rates,
         elementwise(plus, memory.driven, memory.disturbance),
     )
-    slopes = elementwise(_summed, memory.slopes, slope, weight, is_first)
-    accelerations = elementwise(_summed, memory.accelerations, acceleration, weight, is_first)
+    slopes = elementwise(summed, memory.slopes, slope, weight, is_first)
+    accelerations = elementwise(summed, memory.accelerations, acceleration, weight, is_first)
     memory.slopes = slopes
     memory.accelerations = accelerations
-    along = elementwise(_chosen, slope, slopes, is_last)
-    memory.reached = elementwise(_moved, memory.position, part, along)
-    along = elementwise(_chosen, acceleration, accelerations, is_last)
-    reached_rates = elementwise(_moved, memory.rates, part, along)
-    memory.reached_rates = reached_rates
+    memory.reached = moved_along(memory.position, slope, slopes, is_last, part)
+    memory.reached_rates = moved_along(
+        memory.rates, acceleration, accelerations, is_last, part
+    )
     free(plant, place)

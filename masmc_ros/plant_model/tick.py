@@ -31,6 +31,7 @@ from masmc_ros.plant_model.disturbance import (
     write_waves,
 )
 from masmc_ros.plant_model.drives import drive, lagging
+from masmc_ros.plant_model.elastic import is_elastic, rotor_rates, twist_joints, untwist_joints
 from masmc_ros.plant_model.fields import PlantMemory, PlantSettings, Signals
 from masmc_ros.plant_model.measurement import delay_measurement, measure, write_noise
 from masmc_ros.plant_model.motion import runge_kutta_stage
@@ -71,6 +72,10 @@ SETTINGS = (
     Field('stiction_velocity', 'joints', 'Velocity with half of it', 'rad/s'),
     Field('bristle_stiffness', 'joints', 'sigma_0 of stiction', 'N·m/rad'),
     Field('bristle_damping', 'joints', 'sigma_1 of stiction', 'N·m·s/rad'),
+    Field('is_elastic', description='Whether a joint is elastic', kind='i8'),
+    Field('joint_stiffness', 'joints', 'Stiffness of elastic joints; 0: rigid', 'N·m/rad'),
+    Field('joint_damping', 'joints', 'Damping of elastic joints', 'N·m·s/rad'),
+    Field('rotor_inertia', 'joints', 'Inertia of the rotors of elastic joints', 'kg·m²'),
 )
 """Settings of the plant: robot, disturbances and measurement."""
 
@@ -94,6 +99,13 @@ MEMORY = (
     Field('stiction', 'joints', 'Torque of stiction', 'N·m'),
     Field('driven', 'joints', 'Torque of drives and stiction', 'N·m'),
     Field('drive_integral', 'joints', "Integrals of the drives' velocity loops", 'N·m'),
+    Field('rotor_angles', 'joints', 'Angles of the rotors of elastic joints', 'rad'),
+    Field('rotor_rates', 'joints', 'Their rates', 'rad/s'),
+    Field('reached_rotors', 'joints', 'Angles of the rotors at the stage of a step', 'rad'),
+    Field('reached_rotor_rates', 'joints', 'Their rates there', 'rad/s'),
+    Field('rotor_slopes', 'joints', 'Sum of the derivatives of their angles so far'),
+    Field('rotor_accelerations', 'joints', 'Sum of those of their rates', 'rad/s²'),
+    Field('actuated', 'joints', 'Torque on the rotors', 'N·m'),
     Field('odometry', 'base', "The base's pose by counting", 'm, rad'),
     Field('counted', 'joints', 'Angles counted so far', 'rad'),
     Field('standard_noise', 'joints', 'Standard normal numbers of the tick'),
@@ -121,7 +133,7 @@ def _hold_rates(
     )
     memory.followed_rates = followed
     commanded = mechanism.commanded_joint_rates(model, followed)
-    missing = elementwise(minus, commanded, memory.rates)
+    missing = elementwise(minus, commanded, rotor_rates(plant, memory))
     driven = elementwise(
         drive,
         missing,
@@ -264,7 +276,7 @@ def _stick(plant: PlantSettings, memory: PlantMemory, h: float) -> None:
     bristles = elementwise(
         stuck,
         memory.deflection,
-        memory.rates,
+        rotor_rates(plant, memory),
         plant.stiction,
         plant.stiction_velocity,
         plant.bristle_stiffness,
@@ -364,7 +376,7 @@ def advance(
     lanes, first = lane_count(plant), lane_of(plant, 0)
     steps, period = first.steps, first.period
     takes_rates = (first.takes_rates != 0) | holds
-    loses = has_losses(plant)
+    loses, twists = has_losses(plant), is_elastic(plant)
     time = tick * period
     h = period / steps
     waves = scratch(waves_of_step(plant))
@@ -379,6 +391,11 @@ def advance(
         state = lane_of(memory, lane)
         state.reached = state.position
         state.reached_rates = state.rates
+    if twists:
+        for lane in range(lanes):
+            state = lane_of(memory, lane)
+            state.reached_rotors = state.rotor_angles
+            state.reached_rotor_rates = state.rotor_rates
     place = mark(plant)
     for step in range(steps):
         free(plant, place)
@@ -404,8 +421,14 @@ def advance(
             if loses & ((stage == 1) | (stage == 3)):
                 for lane in range(lanes):
                     _lag(lane_of(plant, lane), lane_of(memory, lane), (stage + 1) // 2)
+            if twists:
+                for lane in range(lanes):
+                    twist_joints(lane_of(plant, lane), lane_of(memory, lane), stage, h)
             for lane in range(lanes):
                 runge_kutta_stage(lane_of(plant, lane), lane_of(memory, lane), stage, h)
+            if twists:
+                for lane in range(lanes):
+                    untwist_joints(lane_of(memory, lane))
         for lane in range(lanes):
             state = lane_of(memory, lane)
             state.position = state.reached

@@ -34,6 +34,9 @@ ADAPTIVE = {
     'controller__observer_gain': 0.5,
     'controller__torque_rate_limit': 1000.0,
 }
+LOAD = {'k_s1': 90.0, 'payload.mass': 0.2, 'payload.com': [0.02, 0.0, 0.0]}
+"""Changes in one request, with an announced payload."""
+
 SAME = ('joint_states', 'effort_commands', *map(telemetry_topic, TELEMETRY))
 
 
@@ -106,7 +109,7 @@ def test_lockstep_run_with_events_equals_recomputed_run(
         run.trigger('/controller/emergency_stop')
         run.enable(True)
         run.trigger('/controller/reset_adaptation')
-        run.tester.change('/controller', k_s1=90.0)
+        run.tester.change('/controller', **LOAD)
         run.wait_for_progress()
         run.trigger('/controller/emergency_stop')
         run.wait_for_progress()

@@ -13,6 +13,20 @@ from masmc_ros.numerics.scalars import plus
 from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
+import numpy as np
+
+_ROUNDED = 1.0e-9
+"""Tolerance for a negative smallest second moment, relative to the moments of inertia."""
+
+
+def _is_inertia(moments: Numbers) -> bool:
+    """Return True if a body has the moments of inertia xx, yy, zz, xy, yz, zx."""
+    xx, yy, zz, xy, yz, zx = moments
+    about = np.array([[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]])
+    trace = float(np.trace(about))
+    smallest = float(np.linalg.eigvalsh(0.5 * trace * np.eye(3) - about)[0])
+    return smallest >= -_ROUNDED * trace
+
 
 PARAMETERS = (
     Parameter(
@@ -22,7 +36,42 @@ PARAMETERS = (
         minimum=0.0,
         exclusive_minimum=True,
     ),
+    Parameter(
+        'payload.mass',
+        0.0,
+        'Announced mass of a payload at the tip, part of the nominal model and of theta_hat',
+        unit='kg',
+        minimum=0.0,
+        maximum=1000.0,
+        read_only=False,
+    ),
+    Parameter(
+        'payload.com',
+        (0.0, 0.0, 0.0),
+        'Centre of mass of the payload in the frame of the tip',
+        unit='m',
+        length=3,
+        minimum=-10.0,
+        maximum=10.0,
+        read_only=False,
+    ),
+    Parameter(
+        'payload.inertia',
+        (0.0,) * 6,
+        'Moments of inertia xx, yy, zz, xy, yz, zx of the payload about its centre of mass, in '
+        'the directions of the frame of the tip',
+        unit='kg·m²',
+        length=6,
+        minimum=-1000.0,
+        maximum=1000.0,
+        read_only=False,
+        rule=_is_inertia,
+        rule_text='6 moments of inertia of a body',
+    ),
 )
+
+PAYLOAD = ('payload.mass', 'payload.com', 'payload.inertia')
+"""Parameters of the announced payload."""
 
 ESTIMATE = Field('estimate', 'parameters', 'theta_hat of the next tick')
 """Adapted parameters of any law; a change of law keeps them."""

@@ -374,6 +374,9 @@ def _check_law(values: Values) -> None:
     registry.load_for(values['law'], mechanism_from(values))
     # Raises InputError for a command interface whose latency cannot be compensated.
     records.is_compensated(values)
+    if values['payload.mass'] > 0.0:
+        # Raises InputError for a type of robot without payloads.
+        records.nominal_theta(robot_of(values), values)
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -1,0 +1,152 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Elastic joints of the plant: energy, the limit of stiff joints, measured rotors."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from helpers.robots import Array, between, PROPERTY
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from masmc_ros.errors import InputError
+from masmc_ros.loop.simulated_robot import plant_of, SimulatedRobot
+from masmc_ros.params.scenario import load_scenario
+from masmc_ros.robot.two_link.dynamics import BaseParameters, inertia, inertia_times
+from masmc_ros.robot.two_link.geometry import Geometry, posture, quasi_velocity
+import numpy as np
+import pytest
+
+PAPER = str(Path(__file__).parents[2] / 'config' / 'paper.yaml')
+CALM = (
+    'plant.disturbance.amplitude=[0.0, 0.0, 0.0, 0.0]',
+    'plant.torque_limit=[0.0, 0.0, 0.0, 0.0]',
+    'plant.torque_rate_limit=0.0',
+    'plant.integrator_step=0.00025',
+)
+STIFFNESS = np.array([300.0, 300.0, 1500.0, 800.0])
+TORQUES = st.lists(
+    st.tuples(between(-0.5, 0.5), between(-0.5, 0.5), between(-3.0, 3.0), between(-2.0, 2.0)),
+    min_size=20, max_size=60,
+).map(np.array)  # fmt: skip
+
+
+def planar(*settings: str) -> SimulatedRobot:
+    """Return the paper's robot without disturbance and limits."""
+    return plant_of(load_scenario(PAPER, (*CALM, *settings))['plant'], 0.001)
+
+
+def elastic(stiffness: Array, damping: float = 0.0, rotor: float = 0.1) -> SimulatedRobot:
+    return planar(
+        f'plant.joint_stiffness={stiffness.tolist()}',
+        f'plant.joint_damping={damping}',
+        f'plant.rotor_inertia={rotor}',
+    )
+
+
+def rotors(plant: SimulatedRobot) -> tuple[Array, Array]:
+    """Return angles and rates (joints) of the rotors."""
+    memory = plant.memory[0]
+    return memory['rotor_angles'][:, 0].copy(), memory['rotor_rates'][:, 0].copy()
+
+
+def energy(plant: SimulatedRobot, stiffness: Array, rotor: float = 0.1) -> float:
+    """Return the energy of links, rotors and springs in J."""
+    geometry, theta = Geometry(*plant.robot.geometry), BaseParameters(*plant.robot.theta)
+    v = quasi_velocity(geometry, *plant.true_velocity[3:].tolist())
+    h = inertia(theta, geometry, posture(*plant.true_position[[2, 5, 6]].tolist()))
+    angles, rates = rotors(plant)
+    twist = angles - plant.true_position[3:]
+    of_links = 0.5 * float(np.dot(v, inertia_times(h, *v)))
+    return of_links + 0.5 * float(rotor * rates @ rates + stiffness @ twist**2)
+
+
+@settings(PROPERTY, max_examples=30)
+@given(TORQUES)
+def test_undamped_joints_store_the_work_of_the_motors(torques: Array) -> None:
+    plant = elastic(STIFFNESS)
+    work = 0.0
+    for torque in torques:
+        before, _ = rotors(plant)
+        plant.advance(torque)
+        work += float(torque @ (rotors(plant)[0] - before))
+    assert energy(plant, STIFFNESS) == pytest.approx(work, rel=1e-4, abs=1e-7)
+
+
+@settings(PROPERTY, max_examples=30)
+@given(TORQUES, between(0.05, 2.0))
+def test_damped_joints_only_remove_energy(torques: Array, damping: float) -> None:
+    plant = elastic(STIFFNESS, damping)
+    work, lost = 0.0, 0.0
+    for torque in torques:
+        before, _ = rotors(plant)
+        plant.advance(torque)
+        work += float(torque @ (rotors(plant)[0] - before))
+        after = work - energy(plant, STIFFNESS)
+        assert after > lost - 1e-6
+        lost = after
+
+
+def test_stiff_joints_approach_rigid_robot_with_heavier_wheels() -> None:
+    """The difference decreases with 1 / K, and rotors of wheels add to their inertia."""
+    rotor, torque = 0.01, np.array([0.2, 0.1, 0.0, 0.0])
+    rigid = planar(f'robot.wheel_spin_inertia={0.0002 + rotor}')
+    for _ in range(400):
+        rigid.advance(torque)
+    differences = []
+    for stiffness in (30.0, 300.0):
+        plant = elastic(np.array([stiffness, stiffness, 0.0, 0.0]), 0.02, rotor)
+        for _ in range(400):
+            plant.advance(torque)
+        differences.append(np.abs(plant.true_position - rigid.true_position).max())
+    assert differences[1] < 1e-3
+    assert 5.0 < differences[0] / differences[1] < 20.0
+
+
+def test_elastic_joint_measures_its_rotor() -> None:
+    plant = elastic(np.array([0.0, 0.0, 1500.0, 0.0]))
+    for _ in range(50):
+        plant.advance(np.array([0.0, 0.0, 2.0, 0.0]))
+    angles, rates = rotors(plant)
+    assert plant.position[5] == angles[2] != plant.true_position[5]
+    assert plant.velocity[5] == rates[2]
+    others = [3, 4, 6]
+    np.testing.assert_array_equal(plant.position[others], plant.true_position[others])
+
+
+def test_locked_link_oscillates_with_its_frequency() -> None:
+    """With a link that is heavy against the rotor, the rotor has the frequency sqrt(K / B)."""
+    stiffness, rotor = 200.0, 1e-3
+    plant = elastic(np.array([0.0, 0.0, stiffness, 0.0]), 0.0, rotor)
+    angles = []
+    for _ in range(200):
+        plant.advance(np.array([0.0, 0.0, 1.0, 0.0]))
+        angles.append(rotors(plant)[0][2] - plant.true_position[5])
+    twist = np.array(angles) - 1.0 / stiffness
+    crossings = np.flatnonzero((twist[1:] > 0.0) & (twist[:-1] <= 0.0))
+    period = np.diff(crossings).mean() * 0.001
+    assert period == pytest.approx(2.0 * math.pi / math.sqrt(stiffness / rotor), rel=0.03)
+
+
+def test_holding_drives_of_elastic_joints_come_to_rest() -> None:
+    plant = planar(
+        'plant.joint_stiffness=[0.0, 0.0, 1500.0, 800.0]',
+        'plant.joint_damping=1.0',
+        'plant.initial_velocity=[1.0, 0.5, 0.4, -0.3]',
+    )
+    for _ in range(1500):
+        plant.advance(None)
+    assert np.abs(plant.true_velocity).max() < 1e-3
+
+
+def test_too_stiff_joint_for_the_step_raises() -> None:
+    with pytest.raises(InputError, match=r'integrator_step: elastic joint arm_2 has a natural'):
+        planar('plant.joint_stiffness=[0.0, 0.0, 0.0, 1e9]')
+
+
+def test_contact_robot_with_elastic_joints_raises() -> None:
+    pytest.importorskip('mujoco')
+    with pytest.raises(InputError, match=r'joint_stiffness: expected 0 with plant\.physics'):
+        planar('plant.joint_stiffness=1000.0', 'plant.physics=mujoco')
