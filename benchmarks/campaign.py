@@ -23,7 +23,8 @@ from typing import NamedTuple
 from benchmarks.kernel import compared_with_c
 from benchmarks.measure import compared, Measure
 
-RUNS = 1024
+RUNS = 10_000
+"""Number of runs: start-up takes as long as 1000 of them."""
 
 SETTINGS = (
     'controller.switching=implicit',
@@ -41,7 +42,14 @@ DRAWS = (
     'plant.robot.link_2_inertia=uniform:0.0137:0.0319',
 )
 
-ESTIMATED = 'controller.velocity_source=estimated'
+OTHERS = {
+    'estimated velocities': 'controller.velocity_source=estimated',
+    'k_s2 5': 'controller.k_s2=5.0',
+}
+"""Settings of campaigns that take longer."""
+
+MANY = 200_000
+"""Number of runs whose rows have to fit into memory."""
 
 
 class Cost(NamedTuple):
@@ -79,7 +87,6 @@ def measures() -> Iterator[Measure]:
     costs: list[Cost] = []
     # Compiled code is present.
     command_cost(64, 1)
-    command_cost(64, 1, (*SETTINGS, ESTIMATED))
 
     def seconds(settings: tuple[str, ...] = SETTINGS) -> float:
         costs.append(command_cost(RUNS, 2, settings))
@@ -88,8 +95,10 @@ def measures() -> Iterator[Measure]:
     with_processor_time = partial(compared_with_c, is_processor_time=True)
     yield with_processor_time(f'a run of {RUNS} of monte-carlo, processor time', seconds)
     yield Measure('its memory', costs[-1].memory, 'MB')
-    estimated = partial(seconds, (*SETTINGS, ESTIMATED))
-    yield with_processor_time('the same, estimated velocities', estimated)
+    for name, setting in OTHERS.items():
+        yield with_processor_time(f'the same, {name}', partial(seconds, (*SETTINGS, setting)))
+    many = command_cost(MANY, 2, (*SETTINGS, 'duration=0.02'))
+    yield Measure(f'memory of {MANY} runs of 20 ms', many.memory, 'MB')
     one = Measure('monte-carlo, one thread', command_cost(RUNS, 1).wall, 's')
     yield one
     yield compared('the same, two threads', command_cost(RUNS, 2).wall, 's', one)

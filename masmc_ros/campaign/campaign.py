@@ -17,7 +17,6 @@ from masmc_ros.campaign.draws import check_range, Draw, drawn
 from masmc_ros.campaign.runs import (
     checked_scenario,
     Description,
-    LANES,
     NODES,
     Run,
     scenario_of,
@@ -81,7 +80,7 @@ class Campaign(Description):
     @property
     def lanes(self) -> int:
         """Return the number of runs that are computed side by side."""
-        return LANES if self.total >= WORTH_LANES else 1
+        return self.most_lanes if self.total >= WORTH_LANES else 1
 
     @cached_property
     def variables(self) -> tuple[Variable, ...]:

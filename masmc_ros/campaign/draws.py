@@ -44,31 +44,56 @@ class Distribution(NamedTuple):
 
     arguments: tuple[str, ...]
     frozen: Callable[..., Any]
-    """Function of `scipy.stats` and the arguments."""
+    """Function of `_stats` and the arguments."""
     condition: Callable[..., bool]
     expected: str
 
 
+class Uniform(NamedTuple):
+    """Uniform distribution with the interface and the bits of SciPy's, which imports for long."""
+
+    low: float
+    width: float
+
+    def ppf(self, part: Any) -> Any:
+        """Return the values below which parts of the distribution are."""
+        return part * self.width + self.low
+
+    def median(self) -> float:
+        """Return the median."""
+        return float(self.ppf(0.5))
+
+    def support(self) -> tuple[float, float]:
+        """Return the smallest and the largest value."""
+        return self.low, self.width + self.low
+
+
+def _stats() -> Any:
+    from scipy import stats
+
+    return stats
+
+
 DISTRIBUTIONS = {
     'uniform': Distribution(
-        ('LOW', 'HIGH'), lambda stats, a, b: stats.uniform(a, b - a), lambda a, b: a < b,
+        ('LOW', 'HIGH'), lambda stats, a, b: Uniform(a, b - a), lambda a, b: a < b,
         'LOW < HIGH',
     ),
     'loguniform': Distribution(
-        ('LOW', 'HIGH'), lambda stats, a, b: stats.loguniform(a, b), lambda a, b: 0.0 < a < b,
+        ('LOW', 'HIGH'), lambda stats, a, b: stats().loguniform(a, b), lambda a, b: 0.0 < a < b,
         '0 < LOW < HIGH',
     ),
     'normal': Distribution(
-        ('MEAN', 'STD'), lambda stats, m, s: stats.norm(m, s), lambda m, s: s > 0.0, 'STD > 0',
+        ('MEAN', 'STD'), lambda stats, m, s: stats().norm(m, s), lambda m, s: s > 0.0, 'STD > 0',
     ),
     'truncnormal': Distribution(
         ('MEAN', 'STD', 'LOW', 'HIGH'),
-        lambda stats, m, s, a, b: stats.truncnorm((a - m) / s, (b - m) / s, m, s),
+        lambda stats, m, s, a, b: stats().truncnorm((a - m) / s, (b - m) / s, m, s),
         lambda m, s, a, b: s > 0.0 and a < b,
         'STD > 0 and LOW < HIGH',
     ),
     'integers': Distribution(
-        ('LOW', 'HIGH'), lambda stats, a, b: stats.randint(a, b + 1),
+        ('LOW', 'HIGH'), lambda stats, a, b: stats().randint(a, b + 1),
         lambda a, b: a <= b and float(a).is_integer() and float(b).is_integer(),
         'whole numbers LOW <= HIGH',
     ),
@@ -90,10 +115,8 @@ class Draw(NamedTuple):
 
     @property
     def frozen(self) -> Any:
-        """Return the distribution as a frozen one of SciPy."""
-        from scipy import stats
-
-        return DISTRIBUTIONS[self.distribution].frozen(stats, *self.arguments)
+        """Return the distribution, as a frozen one of SciPy."""
+        return DISTRIBUTIONS[self.distribution].frozen(_stats, *self.arguments)
 
 
 def draw(text: str) -> Draw:

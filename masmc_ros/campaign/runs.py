@@ -15,6 +15,7 @@ from typing import Self
 from masmc_ros import __version__
 from masmc_ros.campaign.variable import Scenario, Variable
 from masmc_ros.log.write.provenance import git_state
+from masmc_ros.numerics.record import AT_RUN_TIME
 from masmc_ros.params.declaration import check_all, MutableValues
 from masmc_ros.params.node_parameters import declared
 from masmc_ros.params.scenario import load_scenario
@@ -79,6 +80,11 @@ class Description(ABC):
     def mechanism(self) -> Mechanism:
         """Return the type of the robot."""
         return mechanism_from(self.scenario['plant'])
+
+    @cached_property
+    def most_lanes(self) -> int:
+        """Return the largest useful number of lanes: the code of trees does not vectorise."""
+        return 1 if AT_RUN_TIME in self.mechanism.sizes else LANES
 
     @cached_property
     def variables(self) -> tuple[Variable, ...]:

@@ -173,6 +173,7 @@ class Evaluation:
         self._runs = list(campaign.runs(0, campaign.total))
         self._variables, self._objectives = variables, objectives
         self._percentile, self._threads = percentile, threads
+        self._lanes = campaign.most_lanes
 
     def __call__(
         self, candidates: Sequence[Sequence[float] | None]
@@ -187,7 +188,7 @@ class Evaluation:
         stop = Event()
         with ThreadPoolExecutor(self._threads) as pool:
             try:
-                parts = pool.map(lambda batch: evaluated(batch, LANES, stop.is_set), batches)
+                parts = pool.map(lambda batch: evaluated(batch, self._lanes, stop.is_set), batches)
                 results = [result for part in parts for result in part]
             finally:
                 stop.set()

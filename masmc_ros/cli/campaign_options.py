@@ -11,7 +11,6 @@ from pathlib import Path
 
 from masmc_ros.campaign.axes import Axis
 from masmc_ros.campaign.campaign import campaign_of
-from masmc_ros.campaign.dataset import arrays
 from masmc_ros.campaign.draws import draw
 from masmc_ros.campaign.engine import carry_out
 from masmc_ros.campaign.summary import label, metric_named, text, values_by_point
@@ -72,7 +71,7 @@ def run_campaign(options: argparse.Namespace, axes: Sequence[Axis] = ()) -> int:
             campaign, folder / RUNS, threads=options.threads, scheduler=options.scheduler,
             advance=progress.update,
         )  # fmt: skip
-    columns = arrays(dataset.table())
+    columns = dataset.columns()
     values = columns[metric.name]
     contents = {'campaign.txt': text(campaign, columns, metric).encode()}
     with paper_style():

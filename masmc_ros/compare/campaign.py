@@ -16,7 +16,6 @@ from masmc_ros.campaign.part import Rows
 from masmc_ros.campaign.runs import (
     checked_scenario,
     Description,
-    LANES,
     Run,
     scenario_of,
     WORTH_LANES,
@@ -60,7 +59,7 @@ class Comparison(Description):
     @property
     def lanes(self) -> int:
         """Return the number of runs that are computed side by side."""
-        return LANES if self.seeds >= WORTH_LANES else 1
+        return self.most_lanes if self.seeds >= WORTH_LANES else 1
 
     @cached_property
     def text(self) -> str:

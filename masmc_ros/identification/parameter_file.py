@@ -54,6 +54,8 @@ def write_identified(
     timing = {'latency': identified.timing.latency, 'motor_lag': identified.timing.lag}
     known = {parameter.name for parameter in declared('controller', mechanism_from(values))}
     values |= {name: timing[name].value for name in timing.keys() & known}
+    # The task is that of the exciting motion: the file follows one with the path and its task.
+    values.pop('robot.task', None)
     comments = [f'Robot identified by masmc identify from {source}.'] + [
         f'{name}: {1e3 * estimate.value:.3f} ms, standard error {1e3 * estimate.error:.2g} ms'
         for name, estimate in timing.items()

@@ -43,7 +43,7 @@ from masmc_ros.numerics.record import fill, lanes_of, take_over, uninitialised
 from masmc_ros.params.declaration import MutableValues, Parameter, Values
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.robot.declaration import Mechanism
-from masmc_ros.robot.robot import robot_of
+from masmc_ros.robot.robot import Robot, robot_of
 import numpy as np
 from numpy.typing import NDArray
 
@@ -94,7 +94,7 @@ class BatchSimulation:
         self.timing = Timing.from_values(first['plant'])
         if self.timing.last is None:
             raise InputError('duration = 0.0: expected a length > 0 s')
-        self._trajectory = Trajectory(first['trajectory'], self.timing.period, robot)
+        self._trajectory = _shared_trajectory(first['trajectory'], self.timing.period, robot)
         compensated = records.is_compensated(control)
         settings, read = _law_settings(
             mechanism, law, control['switching'], lanes, is_hybrid(control), compensated
@@ -104,9 +104,14 @@ class BatchSimulation:
         self._plant = records.plant_settings(mechanism, lanes)
         self._state = records.plant_memory(mechanism, lanes)
         self._now = records.signals(mechanism, lanes)
-        for lane, run in enumerate(runs):
-            self._write(run, lane)
-            records.write_parameters(self._settings, read, run['controller'], lane)
+        self._write_plant(first, None)
+        self._write_control(first, read, None)
+        for lane, run in enumerate(runs[1:], start=1):
+            is_other_plant = run['plant'] != first['plant']
+            if is_other_plant:
+                self._write_plant(run, lane)
+            if run['controller'] != control or (compensated and is_other_plant):
+                self._write_control(run, read, lane)
         post_update(self._settings, self._learned)
         self._delayed = delay_line(self._plant, mechanism)
         self._shortcut = self._with_shortcut(law, control)
@@ -123,19 +128,30 @@ class BatchSimulation:
         take_over(settings, self._settings)
         return settings
 
-    def _write(self, run: Mapping[str, Values], lane: int) -> None:
-        plant, control = run['plant'], run['controller']
+    def _write_plant(self, run: Mapping[str, Values], lane: int | None) -> None:
+        """Write the plant of a run into a lane; None: into all lanes."""
+        plant = run['plant']
         if plant['physics'] != RIGID:
             raise InputError(
                 f'plant.physics = {plant["physics"]}: expected {RIGID} for runs in one batch; '
                 'masmc simulate computes single runs with other physics'
             )
-        check_agreement(plant, control)
-        period = self.timing.period
-        write_plant(self._plant, robot_of(plant), period, plant, lane)
-        write_start(self._state, robot_of(plant), plant, lane)
-        nominal = robot_of(control)
+        check_agreement(plant, run['controller'])
+        robot = robot_of(plant)
+        write_plant(self._plant, robot, self.timing.period, plant, lane)
+        write_start(self._state, robot, plant, lane)
+
+    def _write_control(
+        self,
+        run: Mapping[str, Values],
+        read: tuple[tuple[Parameter, str], ...],
+        lane: int | None,
+    ) -> None:
+        """Write the controller of a run, `read` are the parameters of its law, into a lane."""
+        plant, control = run['plant'], run['controller']
+        period, nominal = self.timing.period, robot_of(control)
         records.write_law(self._settings, nominal, period, control, lane)
+        records.write_parameters(self._settings, read, control, lane)
         if records.is_compensated(control):
             fill(self._settings, 'stamp_age', stamp_age(plant['measurement_delay'], period), lane)
         fill(self._learned, 'estimate', records.nominal_theta(nominal, control), lane)
@@ -215,7 +231,7 @@ class BatchSimulation:
             self._now,
             first,
             first + count == self.timing.last + 1,
-            self._trajectory.sample(first, count),
+            _samples(self._trajectory, first, count),
         )
 
     @property
@@ -223,6 +239,23 @@ class BatchSimulation:
         """Return the estimate of the base inertial parameters in the last tick."""
         estimate: NDArray[np.float64] = self._now[0]['estimate']
         return estimate
+
+
+_trajectories: dict[object, Trajectory] = {}
+
+_samples = lru_cache(maxsize=64)(Trajectory.sample)
+"""Samples of blocks, which all batches of a campaign share: 0.2 MB for each block."""
+
+
+def _shared_trajectory(values: Values, period: float, robot: Robot) -> Trajectory:
+    """Return a trajectory, the same object for equal values and lengths of the robot."""
+    key = (*values.items(), period, robot.mechanism, robot.geometry.tobytes())
+    known = _trajectories.get(key)
+    if known is None:
+        if len(_trajectories) > 3:
+            _trajectories.clear()
+        known = _trajectories[key] = Trajectory(values, period, robot)
+    return known
 
 
 @lru_cache(maxsize=16)

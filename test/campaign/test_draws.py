@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from hypothesis import given
 from hypothesis import strategies as st
-from masmc_ros.campaign.draws import Draw, draw, drawn
+from masmc_ros.campaign.draws import Draw, draw, drawn, Uniform
 from masmc_ros.errors import InputError
 import numpy as np
 import pytest
@@ -30,12 +30,23 @@ def test_batch_equals_part_of_all(first: int, count: int, sobol: bool, seed: int
         np.testing.assert_array_equal(whole[first:first + count], part)
 
 
+@given(
+    st.floats(-1e3, 1e3), st.floats(1e-3, 1e3), st.lists(st.floats(0.0, 1.0), min_size=1)
+)
+def test_uniform_draws_are_those_of_scipy(low: float, width: float, parts: list[float]) -> None:
+    own, other = Uniform(low, width), stats.uniform(low, width)
+    np.testing.assert_array_equal(own.ppf(np.array(parts)), other.ppf(parts))
+    assert own.median() == other.median()
+    assert own.support() == other.support()
+
+
 @pytest.mark.parametrize('sobol', [False, True])
 def test_draws_follow_their_distributions(sobol: bool) -> None:
     """The Kolmogorov-Smirnov distance of 4096 numbers is below 0.03 (5 in 10 000 exceed it)."""
     for one, values in zip(DRAWS, drawn(DRAWS, 3, 0, 4096, sobol=sobol), strict=True):
         if one.distribution != 'integers':
-            assert stats.kstest(values, one.frozen.cdf).statistic < 0.03
+            known = stats.uniform(0.6, 0.8) if one.distribution == 'uniform' else one.frozen
+            assert stats.kstest(values, known.cdf).statistic < 0.03
     counts = np.unique_counts(drawn(DRAWS, 3, 0, 6000, sobol=sobol)[4])
     assert counts.values.tolist() == [1, 2, 3, 4, 5, 6]
     assert np.all(np.abs(counts.counts - 1000) < 150)

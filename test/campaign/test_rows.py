@@ -15,6 +15,7 @@ import subprocess
 import sys
 
 from helpers.campaigns import assert_equal, campaign_with, DRAWS, PAPER, SETTINGS
+from helpers.small_tree import hand_at_start, write_scenario
 from masmc_ros.campaign.axes import axis
 from masmc_ros.campaign.campaign import Campaign, campaign_of
 from masmc_ros.campaign.dataset import arrays, Dataset
@@ -93,9 +94,22 @@ def test_rows_are_equal_for_all_batches_and_threads() -> None:
 
 
 def test_runs_with_and_without_latency_are_computed_in_one_part() -> None:
-    campaign = campaign_of(PAPER, SETTINGS, axes=[axis('controller.latency=0,0.002')], repeats=2)
-    runs = list(campaign.runs(0, 4))
-    assert evaluated(runs, 2) == evaluated(runs, 1)
+    axes = [axis('controller.latency=0,0.002'), axis('plant.measurement_delay=0,0.001')]
+    campaign = campaign_of(PAPER, SETTINGS, axes=axes, repeats=2)
+    runs = list(campaign.runs(0, 8))
+    assert evaluated(runs, 4) == evaluated(runs, 1)
+
+
+def test_runs_of_trees_are_computed_one_by_one(tmp_path: Path) -> None:
+    """Lanes would compile for minutes, and are not faster."""
+    file = str(write_scenario(tmp_path, hand_at_start(), 1.0))
+    many = campaign_of(file, ['duration=0.01'], axes=[axis('controller.k_s1=50:100:64')])
+    assert many.lanes == 1
+    assert campaign_with(64).lanes == 16
+    (block,) = Simulation(next(many.runs(1, 1)).scenario).run()
+    mechanism = many.mechanism
+    metrics = Samples.of_ticks(block.error, block.torque, 0.001, mechanism.points).metrics()
+    assert rows(many, 0, 2)['torque_rms'][1] == metrics.torque_rms
 
 
 def test_different_laws_and_periods_are_computed_in_one_part() -> None:

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 from helpers.moved_robot import computed, PERIOD, series, simulated
@@ -24,6 +25,7 @@ from masmc_ros.identification.identify import (
     relative_error,
 )
 from masmc_ros.identification.nominal import nominal_of, of_its_kind
+from masmc_ros.identification.parameter_file import write_identified
 from masmc_ros.identification.payload import payload_of
 from masmc_ros.numerics.aliases import Array
 from masmc_ros.params.scenario import load_scenario
@@ -169,7 +171,7 @@ def test_values_tree_description_has_inertial_parameters() -> None:
 
 
 @pytest.mark.slow
-def test_identify_tree_random_robots_found() -> None:
+def test_identify_tree_random_robots_found(tmp_path: Path) -> None:
     nominal = tree()
     robot, start = nominal.robot, np.array(START)
     joints = len(start)
@@ -183,6 +185,12 @@ def test_identify_tree_random_robots_found() -> None:
         assert result.timing.total.value == pytest.approx(3.0 * PERIOD, abs=2.0e-4)
         assert (result.residual < 1.0e-3).all()
         assert unexcited(result, base_parameters(robot, result.scale)) == []
+    # The file has no task: that of the exciting motion would replace the one of the path.
+    file = tmp_path / 'identified.yaml'
+    write_identified(file, tree(**{'robot.task': ('joints',)}), result, 'run.mcap')
+    written = load_scenario(str(file))['controller']
+    assert written['robot.task'] == ('pose',)
+    assert base_error(robot, result, np.concatenate([nominal_of(written).theta, friction])) < 0.01
 
 
 @pytest.mark.slow

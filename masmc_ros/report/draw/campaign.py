@@ -30,6 +30,7 @@ _HEIGHT = 66.0
 _LABELS = 6
 """Largest number of labels of an axis, roughly."""
 _COLUMNS = 3
+_SHOWN = 20_000
 
 
 class MapAxis(NamedTuple):
@@ -84,7 +85,13 @@ def map_figure(axes: Sequence[MapAxis], values: Array, label: str) -> Figure:
 def draws_figure(
     drawn: Mapping[str, AnyArray], values: Array, lost: NDArray[np.bool_], label: str
 ) -> Figure:
-    """Draw a metric over the values of each draw; lost runs are marks at the upper edge."""
+    """
+    Draw a metric over the values of each draw; lost runs are marks at the upper edge.
+
+    Of more than _SHOWN runs the first ones are drawn.
+    """
+    drawn = {name: numbers[:_SHOWN] for name, numbers in drawn.items()}
+    values, lost = values[:_SHOWN], lost[:_SHOWN]
     columns = min(_COLUMNS, len(drawn))
     rows = math.ceil(len(drawn) / columns)
     figure = new_figure(PAGE if columns > 1 else COLUMN, _HEIGHT * 0.8 * rows)
