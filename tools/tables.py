@@ -4,22 +4,30 @@
 """
 Generator of the tables in README.md and docs/: `python tools/tables.py [--check]`.
 
-A table stands between the lines `<!-- table: NAME -->` and `<!-- end -->`.
+A table stands between the lines `<!-- table: NAME -->` and `<!-- end -->`. The results of the
+comparison of the laws are those of `python tools/compare_laws.py`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+import csv
 from pathlib import Path
 import re
 import sys
 from unittest.mock import patch
 
+from masmc_ros.compare.trials import TRIALS_OF_LAWS
 from masmc_ros.law import registry
+from masmc_ros.law.reaching.implicit import IMPLICIT
 from masmc_ros.law.reaching.reaching import BOUNDARY_LAYER
 from masmc_ros.messages.topics import SYSTEM_TOPICS, TOPICS
 from masmc_ros.params import plug_ins
 from masmc_ros.params.documentation import markdown_table
 from masmc_ros.params.node_parameters import declared, NODES, shared
+from masmc_ros.report.measure.labels import OBSERVER
+from masmc_ros.report.measure.tracking import SMALL
+import numpy as np
 
 ROOT = Path(__file__).resolve().parent.parent
 PAPER_LAWS = ('smc', 'rasmc')
@@ -27,6 +35,18 @@ PUBLISHERS = ('plant', 'trajectory', 'controller')
 
 COMMON = {BOUNDARY_LAYER.name}
 """Parameters of switching terms that some laws read, too."""
+
+Result = Mapping[str, str]
+"""Row of the results of the comparison by column; an infinite number is empty."""
+
+_OF_LAWS = {
+    trial.name: trial.name.replace(', limits', ' L').replace(', observer', ' O')
+    for trial in TRIALS_OF_LAWS
+}
+_CONDITIONS = {
+    'as it is': 'half model', 'true model': 'true model', 'noise': 'noise', 'delay': '5 ms delay'
+}
+"""Heads of columns by names of trials."""
 
 _BLOCK = re.compile(r'(<!-- table: ([a-z_ ]+) -->\n).*?(<!-- end -->)', re.DOTALL)
 
@@ -60,6 +80,7 @@ def _tables() -> dict[str, str]:
             if name not in PAPER_LAWS
         },
         'laws': _laws(),
+        **_comparison(),
     }
 
 
@@ -68,6 +89,90 @@ def _laws() -> str:
     for name, law in registry.LAWS.items():
         lines.append(f'| [`{name}`]({name}.md) | {law.summary} | {law.source} |')
     return '\n'.join(lines) + '\n'
+
+
+def _comparison() -> dict[str, str]:
+    """Return the tables of the comparison of the laws by name."""
+    results = ROOT / 'docs' / 'reference' / 'laws' / 'comparison.csv'
+    rows = list(csv.DictReader(results.open(encoding='utf-8')))
+    known = {}
+    for scenario in ('paper', 'robust'):
+        of_scenario = [row for row in rows if row['part'] == scenario]
+        known[f'errors {scenario}'] = _by_trials(of_scenario, _OF_LAWS, _error)
+        known[f'variations {scenario}'] = _by_trials(of_scenario, _OF_LAWS, _variation)
+    conditions = [row for row in rows if row['part'] == 'conditions']
+    known['conditions'] = _by_trials(conditions, _CONDITIONS, _error)
+    known['robots'] = _robots([row for row in rows if row['part'].startswith('robots')])
+    return known
+
+
+def _by_trials(
+    rows: list[Result], heads: Mapping[str, str], cell: Callable[[Result], str]
+) -> str:
+    """
+    Return a table of laws by trials, the smallest error in the first trial first.
+
+    Parameters
+    ----------
+    rows
+        Results.
+    heads
+        Heads of the columns by names of trials.
+    cell
+        Function of the text of a result.
+
+    """
+    by_law: dict[str, dict[str, Result]] = {}
+    for row in rows:
+        by_law.setdefault(_label(row), {})[row['trial']] = row
+    ranked = sorted(by_law.items(), key=lambda entry: _size(entry[1][next(iter(heads))]))
+    lines = [f'| law | {" | ".join(heads.values())} |', f'|---|{"---:|" * len(heads)}']
+    for law, trials in ranked:
+        lines.append(f'| {law} | {" | ".join(cell(trials[name]) for name in heads)} |')
+    return '\n'.join(lines) + '\n'
+
+
+def _robots(rows: list[Result]) -> str:
+    """Return the table of random robots, the smallest error first."""
+    lines = ['| law | median | worst | E | F | torque | variation | lost |']
+    lines.append('|---|---:|---:|---:|---:|---:|---:|---:|')
+    for row in sorted(rows, key=_size):
+        has_estimate = row['part'] == 'robots' and row['switching'] == IMPLICIT.name
+        errors = [row[name] for name in ('error', 'worst', 'end_effector_rms', 'platform_rms')]
+        efforts = [row[name] for name in ('torque_rms', 'torque_variation')]
+        cells = [
+            *(_short(SMALL * float(value)) if value else 'lost' for value in errors),
+            *(_short(float(value)) if value else '-' for value in efforts),
+        ]
+        label = f'{_label(row)}{OBSERVER if has_estimate else ""}'
+        lines.append(f'| {label} | {" | ".join(cells)} | {row["lost"]} |')
+    return '\n'.join(lines) + '\n'
+
+
+def _label(row: Result) -> str:
+    name = f'[`{row["law"]}`]({row["law"]}.md)'
+    return f'{name}, {row["switching"]}' if row['switching'] else name
+
+
+def _short(value: float) -> str:
+    """Return a number with three significant digits."""
+    return np.format_float_positional(value, 3, unique=False, fractional=False, trim='-')
+
+
+def _size(row: Result) -> float:
+    return float(row['error'] or 'inf')
+
+
+def _error(row: Result) -> str:
+    """Return the error in mm, with the number of lost runs."""
+    if not row['error']:
+        return 'lost'
+    text = _short(SMALL * float(row['error']))
+    return text if row['lost'] == '0' else f'{text} ({row["lost"]})'
+
+
+def _variation(row: Result) -> str:
+    return _short(float(row['torque_variation'])) if row['torque_variation'] else '-'
 
 
 def _topics() -> str:

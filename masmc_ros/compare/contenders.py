@@ -51,9 +51,10 @@ def contenders(names: str, mechanism: Mechanism, own: str) -> tuple[Contender, .
     """
     Return the contenders of `--laws`: LAW or LAW:SWITCHING, separated by commas, or `all`.
 
-    `all` is every law for this kind of robot; laws with a reaching term have that of the scenario,
-    `own`, and also `tanh` and `implicit`. Raises InputError for an unknown name, and for a law
-    that is not compiled or not suitable for the robot.
+    `all` is every law for this kind of robot except an earlier one by another name; laws with a
+    reaching term have that of the scenario, `own`, and also `tanh` and `implicit`. Raises
+    InputError for an unknown name, and for a law that is not compiled or not suitable for the
+    robot.
     """
     if names == _ALL:
         return tuple(_every(mechanism, own))
@@ -90,11 +91,12 @@ def _is_implicit(contender: Contender, own: str) -> bool:
 
 
 def _every(mechanism: Mechanism, own: str) -> list[Contender]:
-    every = []
+    every, known = [], []
     for name in registry.names():
         law = registry.load(name)
-        if not isinstance(law, Law) or not law.fits(mechanism):
+        if not isinstance(law, Law) or not law.fits(mechanism) or law.formulas in known:
             continue
+        known.append(law.formulas)
         every.append(Contender(name))
         if law.uses_switching:
             every += [Contender(name, switching) for switching in _BOTH if switching != own]

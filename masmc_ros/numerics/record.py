@@ -201,7 +201,10 @@ def _copied(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     if isinstance(kinds[0], SizedRecordType):
         return copy_of_record(compiler, values[0], _CACHE_LINE)
     size = kinds[0].size
-    room = cgutils.alloca_once(compiler.builder, ir.ArrayType(ir.IntType(8), size))
+    # Numba's `alloca_once` also writes zeros. LLVM splits that into a store for each byte, and
+    # then compiles for a time that grows with the square of the size: minutes for many lanes.
+    with compiler.builder.goto_entry_block():
+        room = compiler.builder.alloca(ir.ArrayType(ir.IntType(8), size))
     room.align = _CACHE_LINE
     _copy_bytes(compiler.builder, room, values[0], size)
     return compiler.builder.bitcast(room, values[0].type)

@@ -11,6 +11,7 @@ from helpers.small_tree import hand_at_start, write_scenario
 from masmc_ros.law import registry
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.mechanisms import mechanism_from
+from masmc_ros.robot.two_link.paper_robot import TWO_LINK
 
 
 def test_default_gain_in_newtons_is_a_tenth_for_axes_in_rad(tmp_path: Path) -> None:
@@ -24,3 +25,16 @@ def test_default_gain_in_newtons_is_a_tenth_for_axes_in_rad(tmp_path: Path) -> N
         assert default[name][0] > 0.0
     for name in ('sigma', 'nonlinear_feedback.k_p', 'time_delay.k_d', 'super_twisting.k_1'):
         assert len(set(default[name])) == 1
+
+
+def test_default_gains_of_inverse_models_are_equal_and_critically_damped() -> None:
+    """The comparison of laws is not one of gains: natural frequency and damping are equal."""
+    default = {p.name: p.default for p in registry.parameters(TWO_LINK)}
+    # The inner loop of computed_torque has these gains in the joints.
+    laws = (
+        'nonlinear_feedback', 'computed_torque', 'null_space', 'momentum_observer', 'time_delay'
+    )
+    gains = {(default[f'{law}.k_p'], default[f'{law}.k_d']) for law in laws}
+    ((k_p, k_d),) = gains
+    assert k_p == (900.0,) * 4
+    assert all(d * d == 4.0 * p for p, d in zip(k_p, k_d, strict=True))
