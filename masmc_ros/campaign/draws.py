@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 import hashlib
 import math
+from types import ModuleType
 from typing import Any, NamedTuple
 import warnings
 
@@ -55,20 +56,20 @@ class Uniform(NamedTuple):
     low: float
     width: float
 
-    def ppf(self, part: Any) -> Any:
+    def ppf(self, part: Array) -> Array:
         """Return the values below which parts of the distribution are."""
         return part * self.width + self.low
 
     def median(self) -> float:
         """Return the median."""
-        return float(self.ppf(0.5))
+        return 0.5 * self.width + self.low
 
     def support(self) -> tuple[float, float]:
         """Return the smallest and the largest value."""
         return self.low, self.width + self.low
 
 
-def _stats() -> Any:
+def _stats() -> ModuleType:
     from scipy import stats
 
     return stats

@@ -22,6 +22,7 @@ import yaml
 
 if TYPE_CHECKING:
     from masmc_ros.nodes.parameters.session import ParameterSession
+    from rcl_interfaces.msg import ParameterValue
 
 
 _REJECTED = 1
@@ -143,7 +144,7 @@ def _value(text: str) -> FileValue:
     return [] if value is None else value
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: ParameterValue) -> object:
     """Return a parameter's value as Python writes it."""
     from rclpy.parameter import parameter_value_to_python
 

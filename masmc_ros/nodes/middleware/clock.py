@@ -48,9 +48,9 @@ class CheckedClockNode(Node):
         msg_type: type,
         topic: str,
         callback: Callable[[Any], None],
-        *arguments: Any,
+        *arguments: object,
         raw: bool = False,
-        **options: Any,
+        **options: object,
     ) -> Any:
         """Create a subscription as `Node` does."""
         if msg_type is Clock and not raw:
