@@ -148,6 +148,13 @@ class LiveRun:
             f'{parts} in {self.states}',
         )
 
+    def wait_for_recorder(self) -> None:
+        """Wait until the recorder subscribes to the controller's state, of which it gets one."""
+        topic = 'controller/state'
+        self.tester.until(
+            lambda: self.tester.node.count_subscribers(topic) > 1, f'the recorder on {topic}'
+        )
+
     def wait_for_report(self, node: str, key: str, expected: str) -> None:
         """Wait until a node's diagnostics have an expected value of a key."""
         self.tester.until(

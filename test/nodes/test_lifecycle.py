@@ -69,6 +69,7 @@ def test_lifecycle_transitions_in_real_time_change_state(tmp_path: Path) -> None
         tester = run.tester
         events = tester.collect(TransitionEvent, 'controller/transition_event', past=False)
         run.wait_for_state('inactive: not enabled yet')
+        run.wait_for_recorder()
         assert lifecycle(tester) == 'inactive'
         # A lifecycle manager configures every node before it activates it.
         assert change(tester, 'configure')
