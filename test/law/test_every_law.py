@@ -51,6 +51,7 @@ def test_law_documentation_has_all_sections(law: str) -> None:
     assert LAWS[law].source
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('law', OTHERS)
 def test_law_single_ticks_equal_compiled_run(law: str) -> None:
     """Single ticks, as in the nodes, are bitwise identical to the compiled run."""

@@ -180,6 +180,7 @@ def enumerated(problem: Problem) -> Array:
 @given(problems(most_decades=4.0).filter(lambda p: np.abs(p.s).max() > 0.0))
 @example(EXACTLY_REACHED)
 @example(COUPLED_TIE)
+@pytest.mark.slow
 def test_implicit_solution_equals_enumeration(problem: Problem) -> None:
     following, _ = problem.solve()
     assert_agree(following, enumerated(problem), 1e-9, scale=np.abs(problem.s).max())

@@ -99,6 +99,7 @@ EDITS = {
 """Edited files, and the laws whose code they invalidate."""
 
 
+@pytest.mark.slow
 def test_edit_invalidates_files_of_code_that_uses_it(tmp_path: Path) -> None:
     shutil.copytree(PACKAGE, tmp_path / PACKAGE.name, ignore=shutil.ignore_patterns('__pycache__'))
     environment = {**child_environment(), 'PYTHONPATH': str(tmp_path), 'NUMBA_DISABLE_JIT': '0'}
@@ -148,6 +149,7 @@ print(total(np.array([3.0])), sum(total.stats.cache_hits.values()))
 """
 
 
+@pytest.mark.slow
 def test_edit_of_constant_in_other_package_changes_result(tmp_path: Path) -> None:
     for name, text in PLUG_IN.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)

@@ -163,5 +163,6 @@ def test_concurrent_learning_too_many_parameters_raises() -> None:
         registry.load_for(LAW, large)
 
 
+@pytest.mark.slow
 def test_concurrent_learning_tracks_path() -> None:
     assert np.linalg.norm(run(LAW, duration=10.0).settled) < 0.05
