@@ -45,12 +45,12 @@ demo: $(VENV)/.installed
 	@$(BIN)/masmc demo
 
 # The files of tests are shared out to processes, each file whole: its fixtures are made once, and
-# those that take minutes first (test/conftest.py). Tests of nodes wait more than they compute: five
+# those that take minutes first (test/conftest.py). Tests of nodes wait more than they compute: four
 # processes keep two cores busy; among slow tests, which compile for longer, three.
 PYTEST = $(BIN)/python -m pytest --dist loadfile --no-loadscope-reorder
 
 test: $(VENV)/.installed-dev
-	@$(PYTEST) -n 5 -m 'not slow'
+	@$(PYTEST) -n 4 -m 'not slow'
 
 test-all: $(VENV)/.installed-all
 	@$(PYTEST) -n 3
