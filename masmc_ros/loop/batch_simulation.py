@@ -173,7 +173,7 @@ class BatchSimulation:
             yield signals
 
     def reduce(
-        self, begin: int, end: int, settling: NDArray[np.float64], block: int = BLOCK
+        self, start: int, end: int, settling: NDArray[np.float64], block: int = BLOCK
     ) -> NDArray[np.void]:
         """
         Compute the runs and return their reduced signals, a record of `loop.reduction.REDUCED`.
@@ -182,7 +182,7 @@ class BatchSimulation:
 
         Parameters
         ----------
-        begin, end
+        start, end
             First tick of the window of the metrics, and the tick after its last one.
         settling
             Band of the settling time as a part of the first distance, and its minimum in m.
@@ -197,7 +197,7 @@ class BatchSimulation:
         if lanes_of(self._now) == 1:
             # By the kernel of single runs, which most users have compiled already.
             for k, signals in enumerate(self.run(block)):
-                reduce_signals(reduced, signals, points, settling, k * block, begin, end)
+                reduce_signals(reduced, signals, points, settling, k * block, start, end)
                 if reduced['lost_tick'][0, 0] >= 0:
                     break
             return reduced
@@ -210,7 +210,7 @@ class BatchSimulation:
                 reduced,
                 points,
                 settling,
-                begin,
+                start,
                 end,
             )
             if (reduced['lost_tick'] >= 0).all():
