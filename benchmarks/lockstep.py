@@ -25,7 +25,7 @@ from masmc_ros.robot.joint_names import driven_joint_names, joint_names
 from masmc_ros.share import shared_file
 
 NODES = ('trajectory', 'controller', 'plant')
-CLAIMS = {False: (1.5, 0.77), True: (2.4, 0.5)}
+CLAIMS = {False: (1.5, 0.76), True: (1.6, 0.4)}
 """Ratios in docs/development/benchmarks.md: without and with all options, in both forms."""
 
 _PACE = re.compile(r'(\d+) ticks/s')
