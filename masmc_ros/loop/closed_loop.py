@@ -329,12 +329,12 @@ def reduce_signals(
     points: Integers,
     settling: Array,
     first: int,
-    begin: int,
+    start: int,
     end: int,
 ) -> None:
     """Add the signals (n) of tick `first` and the following ones to the reduced ones."""
     for k in range(len(signals)):
-        reduce_tick(reduced[0], signals[k], points, settling, first + k, begin, end)
+        reduce_tick(reduced[0], signals[k], points, settling, first + k, start, end)
 
 
 # Checks for NaN and infinity.
@@ -451,7 +451,7 @@ def reduced_loop(
     reduced: Records,
     points: Integers,
     settling: Array,
-    begin: int,
+    start: int,
     end: int,
 ) -> None:
     """
@@ -464,7 +464,7 @@ def reduced_loop(
     shortcut
         The settings with the shortcut of the reaching term, see
         `loop.control.control_by_shortcut`, or None. The results are the same.
-    reduced, points, settling, begin, end
+    reduced, points, settling, start, end
         See `loop.reduction.reduce_tick`.
 
     """
@@ -482,7 +482,7 @@ def reduced_loop(
             control(gains, control_state, row)
         else:
             control_by_shortcut(fast_gains, gains, control_state, state_before, row)
-        reduce_tick(sums, row, points, settling, first + k, begin, end)
+        reduce_tick(sums, row, points, settling, first + k, start, end)
         if final and k == n - 1:
             break
         advance(plant_constants, plant_state, delay_line, first + k, row, False)

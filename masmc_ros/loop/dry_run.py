@@ -12,23 +12,21 @@ a law runs dry once per machine.
 
 from __future__ import annotations
 
-from contextlib import suppress
-
 from masmc_ros.errors import InputError
 from masmc_ros.law.declared import declared_for
 from masmc_ros.law.law import Law
 from masmc_ros.law.registry import parameters, REACHING
 from masmc_ros.law.tick import tick_of
 from masmc_ros.loop import records
-from masmc_ros.loop.closed_loop import control_tick
 from masmc_ros.mistakes import one_line
 from masmc_ros.numerics.checked_lane import (
     check_decorators,
     check_vector,
     CheckedLane,
     function_of,
+    run_dry_once,
 )
-from masmc_ros.numerics.compiled import interpreted, is_interpreted, machine_code
+from masmc_ros.numerics.compiled import interpreted
 from masmc_ros.numerics.lanes import Lane, lane_of
 from masmc_ros.numerics.sources import files_of
 from masmc_ros.robot import mechanism as formulas
@@ -61,18 +59,11 @@ def check(law: Law, mechanism: Mechanism, switching: str) -> None:
         If the law has a mistake; the message names file and line.
 
     """
-    # The interpreter reports mistakes with a traceback, and a debugger can stop there.
-    if is_interpreted(control_tick):
-        return
     tags = records.law_tag(law), mechanism.tag, switching if law.uses_switching else ''
     sources = files_of(law.formulas) | files_of(mechanism.formulas)
     if law.uses_switching:
         sources |= files_of(REACHING[switching].formulas)
-    note = machine_code('dry', sources, *tags)
-    if not note.exists():
-        run_dry(law, mechanism, switching)
-        with suppress(OSError):
-            note.touch()
+    run_dry_once(lambda: run_dry(law, mechanism, switching), sources, *tags)
 
 
 def run_dry(law: Law, mechanism: Mechanism, switching: str) -> None:

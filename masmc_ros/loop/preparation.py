@@ -227,7 +227,7 @@ def mark(mechanism: Mechanism) -> Path:
 
 def prepare(mechanism: Mechanism) -> subprocess.Popen[bytes] | None:
     """Load the kernels, or return a process that compiles them and ends with this process."""
-    if is_interpreted(control_tick):
+    if is_interpreted():
         return None
     if mark(mechanism).exists():
         load(mechanism, laws_loaded_at_start())

@@ -56,7 +56,7 @@ def reduce_tick(
     points: Integers,
     settling: Array,
     tick: int,
-    begin: int,
+    start: int,
     end: int,
 ) -> None:
     """
@@ -72,13 +72,13 @@ def reduce_tick(
         Band of the settling time as a part of the first distance, and its minimum in m.
     tick
         Number of the tick.
-    begin, end
+    start, end
         First tick of the window, and the tick after its last one.
 
     """
     # Conditions of the tick are factors, and no branches: the loops over lanes vectorise.
-    is_first, is_within = tick == 0, 1.0 if (begin <= tick) & (tick < end) else 0.0
-    is_change_within = 1.0 if (begin < tick) & (tick < end) else 0.0
+    is_first, is_within = tick == 0, 1.0 if (start <= tick) & (tick < end) else 0.0
+    is_change_within = 1.0 if (start < tick) & (tick < end) else 0.0
     lanes, residual = lane_count(signals), reduced['residual']
     error, square, square_sum = signals['error'], reduced['square'], reduced['square_sum']
     largest, band, outside = reduced['largest_square'], reduced['band'], reduced['last_outside']

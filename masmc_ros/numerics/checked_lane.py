@@ -5,14 +5,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
+from contextlib import suppress
 import dis
 from types import CodeType, FunctionType
 
 from masmc_ros.errors import suggestion
 from masmc_ros.mistakes import MistakeError
 from masmc_ros.numerics.aliases import AnyArray, Record
-from masmc_ros.numerics.compiled import Formula
+from masmc_ros.numerics.compiled import Formula, is_interpreted, machine_code
 from masmc_ros.numerics.generated import is_generated
 from masmc_ros.numerics.lanes import Lane
 import numpy as np
@@ -63,6 +64,22 @@ class CheckedLane(Lane):
         if name not in known:
             raise MistakeError(f'{self._name} has no {name!r}: {suggestion(name, known)}')
         return super()._values(name)
+
+
+def run_dry_once(run: Callable[[], None], sources: Iterable[str], *contents: str) -> None:
+    """
+    Call a dry run, unless it has succeeded before in these sources on this machine.
+
+    Arguments after `run` are those of `machine_code`. Without a compiler there is no dry run: the
+    interpreter reports mistakes with a traceback, and a debugger can stop there.
+    """
+    if is_interpreted():
+        return
+    note = machine_code('dry', sources, *contents)
+    if not note.exists():
+        run()
+        with suppress(OSError):
+            note.touch()
 
 
 def check_vector(name: str, value: object, count: int, *, per: str) -> None:

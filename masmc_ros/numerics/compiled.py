@@ -189,14 +189,9 @@ def kernel_of_threads(function: AnyFunction) -> AnyFunction:
     return cast(AnyFunction, compiled if _settings.DISABLE_JIT else Kernel(function, compiled))
 
 
-def is_compiling() -> bool:
-    """Return False if NUMBA_DISABLE_JIT makes all formulas plain Python."""
-    return not _settings.DISABLE_JIT
-
-
-def is_interpreted(kernel: object) -> bool:
-    """Return True if formulas run as Python, without a compiler."""
-    return not hasattr(kernel, 'compile')
+def is_interpreted() -> bool:
+    """Return True if NUMBA_DISABLE_JIT makes all formulas plain Python, without a compiler."""
+    return bool(_settings.DISABLE_JIT)
 
 
 def bound(kernel: Function, *arguments: object) -> Function:
@@ -208,7 +203,7 @@ def bound(kernel: Function, *arguments: object) -> Function:
     It accepts only arguments of the same types. A kernel checks the types at every call, which
     takes longer than a control tick.
     """
-    if is_interpreted(kernel):
+    if is_interpreted():
         return kernel
     types = tuple(map(type_of, arguments))
     # Loaded code is used without Numba's lock, which another thread may hold for a long time.
@@ -222,7 +217,7 @@ def bound(kernel: Function, *arguments: object) -> Function:
 
 def is_loaded(kernel: Function, *arguments: object) -> bool:
     """Return True if this process has the compiled code for the types of these arguments."""
-    if is_interpreted(kernel):
+    if is_interpreted():
         return True
     return tuple(map(type_of, arguments)) in cast(Kernel, kernel).overloads
 

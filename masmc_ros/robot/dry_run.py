@@ -10,7 +10,6 @@ compiled. A successful dry run is noted next to the compiled code.
 
 from __future__ import annotations
 
-from contextlib import suppress
 from pathlib import Path
 
 from masmc_ros.errors import InputError, suggestion
@@ -21,9 +20,10 @@ from masmc_ros.numerics.checked_lane import (
     check_vector,
     CheckedLane,
     function_of,
+    run_dry_once,
     text_of,
 )
-from masmc_ros.numerics.compiled import interpreted, is_compiling, machine_code
+from masmc_ros.numerics.compiled import interpreted
 from masmc_ros.numerics.field import Field, field_of
 from masmc_ros.numerics.generated import is_generated
 from masmc_ros.numerics.record import fill, new_record
@@ -106,15 +106,9 @@ def check(mechanism: Mechanism, values: Values) -> None:
         If the mechanism has a mistake; the message names file and line.
 
     """
-    # The interpreter reports mistakes with a traceback, and a debugger can stop there.
-    if not is_compiling() or mechanism.module.startswith('masmc_ros.'):
-        return
-    module = mechanism.formulas
-    note = machine_code('dry', files_of(module), mechanism.tag)
-    if not note.exists():
-        run_dry(mechanism, values)
-        with suppress(OSError):
-            note.touch()
+    if not mechanism.module.startswith('masmc_ros.'):
+        sources = files_of(mechanism.formulas)
+        run_dry_once(lambda: run_dry(mechanism, values), sources, mechanism.tag)
 
 
 def run_dry(mechanism: Mechanism, values: Values) -> None:

@@ -23,6 +23,7 @@ from masmc_ros.robot.declaration import Mechanism, ODOM_FRAME
 from masmc_ros.robot.dry_run import check
 from masmc_ros.robot.joint_names import driven_joint_names
 from masmc_ros.robot.mechanisms import mechanism_from
+from masmc_ros.robot.moments import second_moments
 import numpy as np
 from numpy.typing import NDArray
 
@@ -103,10 +104,7 @@ class Robot:
         """
         rotation, origin = self._of_payload('tip_on_link')
         place = origin + rotation @ centre
-        xx, yy, zz, xy, yz, zx = inertia
-        about = np.array([[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]])
-        own = 0.5 * np.trace(about) * np.eye(3) - about
-        second = rotation @ own @ rotation.T + mass * np.outer(place, place)
+        second = rotation @ second_moments(inertia) @ rotation.T + mass * np.outer(place, place)
         moments = [mass, *(mass * place), *second[[0, 1, 2, 0, 1, 2], [0, 1, 2, 1, 2, 0]]]
         changed: Array = self.theta + self.payload_factors @ moments
         return changed

@@ -149,7 +149,7 @@ class LiveRun:
         )
 
     def wait_for_recorder(self) -> None:
-        """Wait until the recorder subscribes to the controller's state, of which it gets one."""
+        """Wait until the recorder, which gets the latest state only, subscribes to it."""
         topic = 'controller/state'
         self.tester.until(
             lambda: self.tester.node.count_subscribers(topic) > 1, f'the recorder on {topic}'

@@ -13,6 +13,7 @@ from masmc_ros.numerics.scalars import plus
 from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
+from masmc_ros.robot.moments import second_moments
 import numpy as np
 
 _ROUNDED = 1.0e-9
@@ -21,11 +22,8 @@ _ROUNDED = 1.0e-9
 
 def _is_inertia(moments: Numbers) -> bool:
     """Return True if a body has the moments of inertia xx, yy, zz, xy, yz, zx."""
-    xx, yy, zz, xy, yz, zx = moments
-    about = np.array([[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]])
-    trace = float(np.trace(about))
-    smallest = float(np.linalg.eigvalsh(0.5 * trace * np.eye(3) - about)[0])
-    return smallest >= -_ROUNDED * trace
+    smallest = float(np.linalg.eigvalsh(second_moments(moments))[0])
+    return smallest >= -_ROUNDED * (moments[0] + moments[1] + moments[2])
 
 
 PARAMETERS = (
