@@ -198,18 +198,19 @@ def bound(kernel: Function, *arguments: object) -> Function:
     """
     Return the compiled code of a kernel for the types of these arguments.
 
-    Raises InputError with one line if it cannot be compiled.
+    A function that is no kernel, as all are without a compiler, is returned as it is. Raises
+    InputError with one line if the kernel cannot be compiled.
 
     It accepts only arguments of the same types. A kernel checks the types at every call, which
     takes longer than a control tick.
     """
-    if is_interpreted():
+    if not isinstance(kernel, Kernel):
         return kernel
     types = tuple(map(type_of, arguments))
     # Loaded code is used without Numba's lock, which another thread may hold for a long time.
-    loaded = cast(Kernel, kernel).overloads.get(types)
+    loaded = kernel.overloads.get(types)
     try:
-        code = cast(Kernel, kernel).compile(types) if loaded is None else loaded.entry_point
+        code = kernel.compile(types) if loaded is None else loaded.entry_point
     except COMPILER_ERRORS as error:
         raise explained(error) from error
     return cast(Function, code)
@@ -217,9 +218,9 @@ def bound(kernel: Function, *arguments: object) -> Function:
 
 def is_loaded(kernel: Function, *arguments: object) -> bool:
     """Return True if this process has the compiled code for the types of these arguments."""
-    if is_interpreted():
+    if not isinstance(kernel, Kernel):
         return True
-    return tuple(map(type_of, arguments)) in cast(Kernel, kernel).overloads
+    return tuple(map(type_of, arguments)) in kernel.overloads
 
 
 def code_file(kernel: Function, *arguments: object) -> Path:

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Compilation: thresholds of the garbage collection, and time for copies of records."""
+"""Compilation: bound functions, thresholds of the garbage collection, copies of records."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import time
 from typing import Any
 
 from masmc_ros.numerics.aliases import Records
-from masmc_ros.numerics.compiled import kernel
+from masmc_ros.numerics.compiled import bound, is_loaded, kernel
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.numerics.record import copied, copy_to, lane_count, new_record
@@ -51,6 +51,14 @@ def test_garbage_collection_compiling_is_rarer_then_restored(
     assert numba.njit(lambda x: x + 1.0)(1.0) == 2.0
     assert thresholds == [(20_000, 10, 5)]
     assert gc.get_threshold() == (700, 10, 5)
+
+
+def test_bound_and_is_loaded_plain_function_of_mechanism_is_used_as_it_is() -> None:
+    def transforms(origins: object, position: object) -> None:
+        """Return frames, as the method of a tree does."""
+
+    assert bound(transforms, 1.0, 2.0) is transforms
+    assert is_loaded(transforms, 1.0, 2.0)
 
 
 def test_garbage_collection_compilation_fails_is_restored(thresholds: list[Any]) -> None:
