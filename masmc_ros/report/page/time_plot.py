@@ -16,8 +16,8 @@ from masmc_ros.report.page.packed_samples import packed_signal
 from masmc_ros.report.panels import INK, logarithmic_range, Panel
 import plotly.graph_objects as go
 
-_NAMED = 8
-"""Maximum number of changes with visible names; others have tooltips only."""
+_CHARACTER = 0.009
+"""Width of a character as a part of the abscissa; overlapping names are in tooltips only."""
 
 _LAYOUT = {
     'template': None,
@@ -59,7 +59,7 @@ def time_plot(
         decades = None if ends is None else [math.log10(end) for end in ends]
         figure.update_yaxes(type='log', dtick=1, tickformat='~g', range=decades)
     if changes:
-        _mark(figure, changes)
+        _mark(figure, changes, span[1] - span[0])
     return figure
 
 
@@ -78,13 +78,19 @@ def panel_plot(
     return figure
 
 
-def _mark(figure: go.Figure, changes: Sequence[Change]) -> None:
+def _mark(figure: go.Figure, changes: Sequence[Change], duration: float) -> None:
     """Mark the changes of each tick by one symbol at the upper edge."""
-    times, names, texts = [], [], []
+    times: list[float] = []
+    names: list[str] = []
+    texts: list[str] = []
+    free_from = -math.inf
     for time, group in groupby(changes, key=lambda change: change.time):
         together = list(group)
         times.append(time)
-        names.append(', '.join(escape(change.name) for change in together))
+        name = ', '.join(change.name for change in together)
+        names.append(escape(name) if time >= free_from else '')
+        if names[-1]:
+            free_from = time + _CHARACTER * duration * len(name)
         texts.append('<br>'.join(map(_change_text, together)))
         figure.add_vline(time, line={'width': 1.2, 'dash': 'dot', 'color': '#8C8C8C'})
     figure.add_trace(
@@ -93,8 +99,8 @@ def _mark(figure: go.Figure, changes: Sequence[Change]) -> None:
             y=[1.0] * len(times),
             yaxis='y2',
             name='changed',
-            showlegend=len(times) > _NAMED,
-            mode='markers+text' if len(times) <= _NAMED else 'markers',
+            showlegend='' in names,
+            mode='markers+text',
             marker={'symbol': 'triangle-down', 'size': 12},
             text=names,
             textposition='bottom right',
