@@ -198,14 +198,17 @@ def bound(kernel: Function, *arguments: object) -> Function:
     """
     Return the compiled code of a kernel for the types of these arguments.
 
-    A function that is no kernel, as all are without a compiler, is returned as it is. Raises
-    InputError with one line if the kernel cannot be compiled.
+    A function that is no kernel, as all are without a compiler, is returned as it is, and an
+    `interpreted` one as plain Python. Raises InputError with one line if the kernel cannot be
+    compiled.
 
     It accepts only arguments of the same types. A kernel checks the types at every call, which
     takes longer than a control tick.
     """
     if not isinstance(kernel, Kernel):
         return kernel
+    if _is_interpreting():
+        return kernel.py_func
     types = tuple(map(type_of, arguments))
     # Loaded code is used without Numba's lock, which another thread may hold for a long time.
     loaded = kernel.overloads.get(types)

@@ -56,6 +56,7 @@ def test_adaptive_gain_grows_above_constant_disturbance() -> None:
     assert (track.controller.memory['adaptive_gain_switching'] < 190.0).all()
 
 
+@pytest.mark.slow
 def test_adaptive_gain_tracks_path() -> None:
     plain = run(LAW, f'controller.{LAW}.gamma=0.0', duration=10.0).settled
     adaptive = run(LAW, duration=10.0).settled

@@ -76,6 +76,7 @@ def test_adaptive_super_twisting_gains_stay_bounded(amplitude: float) -> None:
     assert (growth <= largest - 2.0).all()
 
 
+@pytest.mark.slow
 def test_adaptive_super_twisting_constant_push_gains_fall() -> None:
     """A constant disturbance causes no constant s: alpha falls to its minimum."""
     pushed = run(
@@ -90,6 +91,7 @@ def test_adaptive_super_twisting_constant_push_gains_fall() -> None:
     assert (pushed.controller.memory[f'{LAW}_growth'][0, :, 0] < 1.0).all()
 
 
+@pytest.mark.slow
 def test_adaptive_super_twisting_gains_fall_near_surface() -> None:
     """Undisturbed gains return to their start values. A disturbance keeps them up."""
     quiet = run(
@@ -105,5 +107,6 @@ def test_adaptive_super_twisting_gains_fall_near_surface() -> None:
     assert pushed.controller.memory['adaptive_super_twisting_growth'][0, :, 0].max() > 1.0
 
 
+@pytest.mark.slow
 def test_adaptive_super_twisting_tracks_path() -> None:
     assert np.linalg.norm(run(LAW, duration=10.0).settled) < 0.02

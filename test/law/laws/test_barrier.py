@@ -73,6 +73,7 @@ def test_barrier_disturbance_within_bound_is_not_left() -> None:
         assert axis[entered:].max() < WIDTH
 
 
+@pytest.mark.slow
 def test_barrier_disturbance_beyond_bound_is_left() -> None:
     """The previous test can fail: this disturbance exceeds the bound."""
     track = run(
@@ -84,5 +85,6 @@ def test_barrier_disturbance_beyond_bound_is_left() -> None:
     assert np.abs(track.surface[1000:]).max() > WIDTH
 
 
+@pytest.mark.slow
 def test_barrier_tracks_path() -> None:
     assert np.linalg.norm(run(LAW, duration=10.0).settled) < 0.02

@@ -89,5 +89,6 @@ def test_composite_adaptation_after_pause_ignores_prediction() -> None:
     assert (controller.estimate == reference.estimate).all()
 
 
+@pytest.mark.slow
 def test_composite_adaptation_tracks_path() -> None:
     assert np.linalg.norm(run(LAW, duration=10.0).settled) < 0.05

@@ -59,6 +59,7 @@ def test_computed_torque_true_model_has_second_order_decay() -> None:
     assert (np.abs(z - expected).max(axis=0) < 0.01 * np.abs(z[0]).max()).all()
 
 
+@pytest.mark.slow
 def test_computed_torque_tracks_path() -> None:
     """Half of the true masses: the bounds hold for gains that dominate the model error."""
     assert (run(LAW, duration=10.0).settled < (0.013, 0.018, 0.0055, 0.0055)).all()

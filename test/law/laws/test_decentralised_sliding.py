@@ -65,6 +65,7 @@ def test_decentralised_sliding_reaches_surface_in_time() -> None:
     assert (s[int(2000 * reaching.max()) + 20:] < delta).all()
 
 
+@pytest.mark.slow
 def test_decentralised_sliding_tracks_path() -> None:
     """Half of the true masses, with groups that act on each other."""
     track = run(LAW, duration=10.0)

@@ -68,6 +68,7 @@ def test_fuzzy_gain_lyapunov_function_matches_linear_term() -> None:
     assert start - energy(track, -1) - stored == pytest.approx(dissipated, rel=0.02)
 
 
+@pytest.mark.slow
 def test_fuzzy_gain_tracks_path() -> None:
     plain = run(LAW, f'controller.{LAW}.gamma=0.0', duration=10.0).settled
     adaptive = run(LAW, duration=10.0).settled

@@ -61,11 +61,13 @@ def test_fuzzy_model_constant_disturbance_is_rejected() -> None:
     assert (adaptive < 0.2 * plain).all()
 
 
+@pytest.mark.slow
 def test_fuzzy_model_torque_is_independent_of_model() -> None:
     half = run(LAW, 'controller.model_scale=0.5', duration=1.0)
     other = run(LAW, 'controller.model_scale=3.0', duration=1.0)
     np.testing.assert_array_equal(half.torque, other.torque)
 
 
+@pytest.mark.slow
 def test_fuzzy_model_tracks_path() -> None:
     assert (run(LAW, duration=10.0).settled < (0.0021, 0.0023, 0.0002, 0.00014)).all()

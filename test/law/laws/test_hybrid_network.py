@@ -69,6 +69,7 @@ def test_hybrid_network_lyapunov_function_matches_linear_term() -> None:
     np.testing.assert_allclose(dissipated, 3.0 * 0.0005 * (z**2).sum(axis=0), rtol=0.03)
 
 
+@pytest.mark.slow
 def test_hybrid_network_tracks_path() -> None:
     fixed = (f'controller.{LAW}.gamma=0.0', f'controller.{LAW}.rate=0.0')
     plain = run(LAW, *fixed, duration=10.0).settled

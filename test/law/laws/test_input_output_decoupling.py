@@ -31,6 +31,7 @@ def test_input_output_decoupling_equals_nonlinear_feedback() -> None:
         np.testing.assert_array_equal(tick(decoupling_law, at), tick(feedback_law, at))
 
 
+@pytest.mark.slow
 def test_input_output_decoupling_outputs_are_independent() -> None:
     """Different bandwidths, critically damped: e_i = (e_0 + (edot_0 + w e_0) t) e^-wt."""
     w = np.array([6.0, 8.0, 10.0, 12.0])
@@ -49,6 +50,7 @@ def test_input_output_decoupling_outputs_are_independent() -> None:
     assert np.abs(track.error - expected).max() < 2e-3 * np.abs(expected).max()
 
 
+@pytest.mark.slow
 def test_input_output_decoupling_tracks_path() -> None:
     """Half of the true masses: the bounds hold for gains that dominate the model error."""
     assert (run(LAW, duration=10.0).settled < (0.021, 0.024, 0.0065, 0.0065)).all()

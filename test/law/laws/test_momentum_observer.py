@@ -41,6 +41,7 @@ def test_momentum_observer_torque_matches_formula(seed: int) -> None:
         at = Instant(at.period, at.position, v, at.desired, at.scale, at.sigma)
 
 
+@pytest.mark.slow
 def test_momentum_observer_estimates_constant_disturbance() -> None:
     """The estimate d consists of forces conjugate to v; the applied torques act on joints."""
     track = run(
@@ -57,6 +58,7 @@ def test_momentum_observer_estimates_constant_disturbance() -> None:
     assert np.abs(track.settled).max() < 1e-3
 
 
+@pytest.mark.slow
 def test_momentum_observer_reduces_tracking_error() -> None:
     settled = [
         np.linalg.norm(run(LAW, f'controller.{LAW}.rate={rate}', duration=10.0).settled)

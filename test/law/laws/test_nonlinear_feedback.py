@@ -28,6 +28,7 @@ def test_nonlinear_feedback_torque_matches_formula(seed: int) -> None:
         np.testing.assert_allclose(torque, at.model_torque(wanted), rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_nonlinear_feedback_true_model_has_second_order_decay() -> None:
     """Critically damped (k_d**2 = 4 k_p), without a disturbance: e(t) = e_0 (1 + 10 t) e^-10t."""
     track = run(
@@ -45,6 +46,7 @@ def test_nonlinear_feedback_true_model_has_second_order_decay() -> None:
     assert np.abs(track.error - expected).max() < 2e-3 * np.abs(expected).max()
 
 
+@pytest.mark.slow
 def test_nonlinear_feedback_integral_reduces_constant_error() -> None:
     """The integral removes the error of a constant force, within the speed of the arm."""
     constant = (

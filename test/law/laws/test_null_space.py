@@ -79,6 +79,7 @@ def test_null_space_straight_arm_controls_first_axes(seed: int) -> None:
     assert deviations[0] < 1e-9 < 1e-2 < deviations[1]
 
 
+@pytest.mark.slow
 def test_null_space_tracks_path() -> None:
     """Half of the true masses: the bounds hold for gains that dominate the model error."""
     assert (run(LAW, duration=10.0).settled < (0.021, 0.024, 0.0065, 0.0065)).all()

@@ -28,6 +28,7 @@ def test_pd_gravity_torque_matches_formula(seed: int) -> None:
     np.testing.assert_allclose(tick(controller, at), at.jacobian.T @ force, rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_pd_gravity_set_point_energy_decreases() -> None:
     """Robot energy plus spring energy K_p e^2 / 2, up to the effect of holding torques for T."""
     at_rest = (
@@ -63,5 +64,6 @@ def test_pd_gravity_lift_torque_supports_its_load(tmp_path: Path) -> None:
     assert controller.raw_torque[:3] == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_pd_gravity_tracks_path() -> None:
     assert np.linalg.norm(run(LAW, duration=10.0).settled) < 0.05

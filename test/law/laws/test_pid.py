@@ -25,6 +25,7 @@ def test_pid_torque_matches_formula(seed: int) -> None:
         )
 
 
+@pytest.mark.slow
 def test_pid_sufficient_limits_keep_accuracy() -> None:
     """With drives and noise, E and F are close to those without limits."""
     limited = run(
@@ -38,6 +39,7 @@ def test_pid_sufficient_limits_keep_accuracy() -> None:
     assert np.linalg.norm(limited.settled) < 1.1 * free
 
 
+@pytest.mark.slow
 def test_pid_integral_reduces_constant_error() -> None:
     constant = (
         'plant.disturbance.frequency=[0.0, 0.0, 0.0, 0.0]',
@@ -47,5 +49,6 @@ def test_pid_integral_reduces_constant_error() -> None:
     assert (run(LAW, *constant, duration=10.0).settled < 0.5 * plain).all()
 
 
+@pytest.mark.slow
 def test_pid_tracks_path() -> None:
     assert np.linalg.norm(run(LAW, duration=10.0).settled) < 0.05

@@ -52,6 +52,7 @@ def test_rbf_sliding_weights_stay_within_bound_of_nu() -> None:
     assert np.abs(unbounded.controller.memory['rbf_sliding_weights']).max() > 20.0
 
 
+@pytest.mark.slow
 def test_rbf_sliding_network_reduces_tracking_error() -> None:
     plain = run(LAW, f'controller.{LAW}.rate=0.0', duration=10.0).settled
     adaptive = run(LAW, duration=10.0).settled

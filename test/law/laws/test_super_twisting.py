@@ -104,6 +104,7 @@ def test_super_twisting_accuracy_is_period_squared(period: float) -> None:
     assert 0.99 * slope * period**2 < largest < 1.001 * slope * period**2
 
 
+@pytest.mark.slow
 def test_super_twisting_half_period_quarters_surface() -> None:
     """The paper's experiment with half of the masses and its disturbance."""
     surface = [
@@ -159,5 +160,6 @@ def test_super_twisting_chatters_less_than_explicit_form(monkeypatch: pytest.Mon
     assert implicit < 0.2 * chattering
 
 
+@pytest.mark.slow
 def test_super_twisting_tracks_path() -> None:
     assert np.linalg.norm(run(LAW, duration=10.0).settled) < 1e-4

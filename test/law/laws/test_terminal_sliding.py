@@ -67,5 +67,6 @@ def test_terminal_sliding_errors_match_differential_equation() -> None:
     assert np.abs(track.error[-1000:]).max() < 1e-5 * size
 
 
+@pytest.mark.slow
 def test_terminal_sliding_tracks_path() -> None:
     assert np.linalg.norm(run(LAW, duration=10.0).settled) < 0.02

@@ -54,6 +54,7 @@ def test_time_delay_constant_disturbance_leaves_no_error() -> None:
     assert np.abs(run(LAW, *constant, duration=6.0).settled).max() < 1e-4
 
 
+@pytest.mark.slow
 def test_time_delay_model_above_twice_mass_is_unstable() -> None:
     """Stability condition of the theory: the norm of I - H^-1 H_nominal must be below 1."""
     quiet = 'plant.disturbance.amplitude=[0.0, 0.0, 0.0, 0.0]'
@@ -63,5 +64,6 @@ def test_time_delay_model_above_twice_mass_is_unstable() -> None:
         run(LAW, quiet, 'controller.model_scale=2.2', duration=1.0)
 
 
+@pytest.mark.slow
 def test_time_delay_tracks_path() -> None:
     assert np.linalg.norm(run(LAW, duration=10.0).settled) < 1e-3

@@ -67,6 +67,7 @@ def test_variable_structure_reaches_surface_in_time() -> None:
     assert bound < track.time[-1]
 
 
+@pytest.mark.slow
 def test_variable_structure_proportional_gains_reach_sooner() -> None:
     """Gains proportional to errors reach the surface sooner than the same k alone."""
 
@@ -78,5 +79,6 @@ def test_variable_structure_proportional_gains_reach_sooner() -> None:
     assert area() < 0.9 * area(*still)
 
 
+@pytest.mark.slow
 def test_variable_structure_tracks_path() -> None:
     assert (run(LAW, duration=10.0).settled < (0.004, 0.004, 0.0162, 0.0242)).all()
