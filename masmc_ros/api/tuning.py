@@ -18,8 +18,8 @@ from masmc_ros.campaign.tune import Evaluation, searched, tuned, Tuning, variabl
 from masmc_ros.campaign.tuned_file import tuned_file
 from masmc_ros.campaign.variable import Variable
 from masmc_ros.errors import InputError
+from masmc_ros.output_files import write_file
 from masmc_ros.params.declaration import Values
-from masmc_ros.report.files import write_file
 from masmc_ros.report.measure.table import Column
 import pyarrow as pa
 from tqdm import tqdm

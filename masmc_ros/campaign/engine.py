@@ -15,7 +15,7 @@ from masmc_ros.campaign.campaign import Campaign
 from masmc_ros.campaign.part import Rows
 from masmc_ros.campaign.runs import Description
 from masmc_ros.campaign.threads import Part, processors
-from masmc_ros.report.files import check_folder
+from masmc_ros.output_files import check_folder
 
 if TYPE_CHECKING:
     from masmc_ros.campaign.dataset import Dataset

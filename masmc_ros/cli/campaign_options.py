@@ -15,10 +15,10 @@ from masmc_ros.campaign.draws import draw
 from masmc_ros.campaign.engine import carry_out
 from masmc_ros.campaign.summary import label, metric_named, text, values_by_point
 from masmc_ros.cli.arguments import add_file, add_output, add_seed, add_settings, add_workers
+from masmc_ros.output_files import write_file
 from masmc_ros.report.aligned import WIDTH
 from masmc_ros.report.draw.campaign import draws_figure, map_figure, MapAxis
 from masmc_ros.report.draw.style import paper_style, png
-from masmc_ros.report.files import write_file
 from masmc_ros.share import scenario_file
 from tqdm import tqdm
 

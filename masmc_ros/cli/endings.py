@@ -14,7 +14,7 @@ import sys
 from types import FrameType
 
 from masmc_ros.nodes.process.ending import ENDING
-from masmc_ros.whole_file import remove_unfinished
+from masmc_ros.output_files import remove_unfinished
 
 _PARENT = 'MASMC_ROS_PARENT'
 """Environment variable: number of the process with which a child ends."""

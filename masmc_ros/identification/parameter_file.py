@@ -10,10 +10,10 @@ from pathlib import Path
 
 from masmc_ros.identification.identify import Identified, Nominal
 from masmc_ros.identification.nominal import consistent_values
+from masmc_ros.output_files import write_file
 from masmc_ros.params.declaration import Values
 from masmc_ros.params.node_parameters import declared
 from masmc_ros.params.text import yaml_text
-from masmc_ros.report.files import write_file
 from masmc_ros.robot.declaration import URDF
 from masmc_ros.robot.mechanisms import mechanism_from
 

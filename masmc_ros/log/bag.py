@@ -7,13 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-import os
 from pathlib import Path
 from typing import NamedTuple
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.offered_qos import Qos
 from masmc_ros.messages.definitions import Definition, definition
+from masmc_ros.output_files import write_file
 import yaml
 
 METADATA_FILE = 'metadata.yaml'
@@ -72,7 +72,7 @@ def write_bag_metadata(
     folder: Path, parts: Sequence[Part], topics: Iterable[tuple[RecordedTopic, int]]
 ) -> None:
     """
-    Write the file atomically.
+    Write the file; InputError if it cannot be written.
 
     Parameters
     ----------
@@ -110,13 +110,8 @@ def write_bag_metadata(
             'ros_distro': 'jazzy',
         }
     }
-    path = folder / METADATA_FILE
-    written = path.with_suffix('.yaml.part')
-    try:
-        written.write_text(yaml.safe_dump(content, sort_keys=False), encoding='utf-8')
-        os.replace(written, path)
-    except OSError as error:
-        raise InputError(f'{path}: cannot be written: {error.strerror}') from error
+    text = yaml.safe_dump(content, sort_keys=False)
+    write_file(folder / METADATA_FILE, text.encode())
 
 
 def part_names(folder: Path) -> list[str]:

@@ -15,8 +15,8 @@ from typing import BinaryIO
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import Run
 from masmc_ros.log.recover.overlap import check_apart
+from masmc_ros.output_files import check_absent, check_folder, file_stem, make_folder, whole_file
 from masmc_ros.report.columns import parts_of, table_of
-from masmc_ros.report.files import check_absent, check_folder, file_stem, make_folder, whole_file
 import numpy as np
 
 _BLOCK = 10_000

@@ -11,7 +11,7 @@ import hashlib
 from operator import itemgetter
 from pathlib import Path
 
-from masmc_ros.report.files import write_file
+from masmc_ros.output_files import write_file
 
 MANIFEST = 'report.sha256'
 """Checksums in the form of `sha256sum`."""

@@ -13,8 +13,8 @@ from typing import NamedTuple
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import Run
 from masmc_ros.log.recover.overlap import check_apart
+from masmc_ros.output_files import check_folder, make_folder, write_file
 from masmc_ros.report.draw.figures import draw_figures
-from masmc_ros.report.files import check_folder, make_folder, write_file
 from masmc_ros.report.manifest import (
     Entry,
     entry,

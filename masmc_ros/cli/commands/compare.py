@@ -19,8 +19,8 @@ from masmc_ros.cli.arguments import (
 from masmc_ros.compare.campaign import comparison_of, compute
 from masmc_ros.compare.ranking import ranking
 from masmc_ros.compare.tables import as_json, page, text
+from masmc_ros.output_files import check_folder, make_folder, write_file
 from masmc_ros.report.aligned import WIDTH
-from masmc_ros.report.files import check_folder, make_folder, write_file
 from masmc_ros.share import scenario_file
 from tqdm import tqdm
 

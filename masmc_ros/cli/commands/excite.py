@@ -10,9 +10,9 @@ from pathlib import Path
 
 from masmc_ros.cli.arguments import add_file, add_overwrite, add_seed, add_settings
 from masmc_ros.errors import InputError
+from masmc_ros.output_files import check_absent
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.report.aligned import aligned
-from masmc_ros.report.files import check_absent
 from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.share import scenario_file
 

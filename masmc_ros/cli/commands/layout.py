@@ -16,8 +16,8 @@ from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import is_log, read_run
 from masmc_ros.messages.names import COMMAND_TOPIC, STATE_TOPIC, telemetry_topic
 from masmc_ros.messages.telemetry import STAMP_NUMBERS
+from masmc_ros.output_files import write_file
 from masmc_ros.params.scenario import load_scenario
-from masmc_ros.report.files import write_file
 from masmc_ros.robot.declaration import Mechanism, Quantity
 from masmc_ros.robot.mechanisms import DEFAULT, mechanism_from
 from masmc_ros.share import scenario_file, shared_file

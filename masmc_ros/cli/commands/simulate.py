@@ -23,10 +23,10 @@ from masmc_ros.loop.signals import largest_slip
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.tick_block import Change
 from masmc_ros.numerics.aliases import Array, Flags
+from masmc_ros.output_files import check_absent
 from masmc_ros.params.declaration import Values
 from masmc_ros.params.scenario import activation, load_scenario, logged_scenario, strays
 from masmc_ros.report.aligned import WIDTH
-from masmc_ros.report.files import check_absent
 from masmc_ros.report.measure.labels import law_label
 from masmc_ros.report.measure.metrics import Samples
 from masmc_ros.report.measure.recomputed import Recomputed

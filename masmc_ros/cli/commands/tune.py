@@ -25,10 +25,10 @@ from masmc_ros.cli.arguments import (
     count,
 )
 from masmc_ros.cli.campaign_options import add_draws
+from masmc_ros.output_files import check_folder, make_folder, write_file
 from masmc_ros.report.aligned import aligned, WIDTH
 from masmc_ros.report.draw.campaign import front_figure
 from masmc_ros.report.draw.style import paper_style, png
-from masmc_ros.report.files import check_folder, make_folder, write_file
 from masmc_ros.report.measure.table import Column, number
 from masmc_ros.share import scenario_file
 import numpy as np

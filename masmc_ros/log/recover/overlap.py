@@ -12,7 +12,7 @@ from pathlib import Path
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.bag import METADATA_FILE, part_names
-from masmc_ros.whole_file import part_of
+from masmc_ros.output_files import part_of
 
 
 def check_apart(outputs: Iterable[Path], inputs: Iterable[str | Path]) -> None:

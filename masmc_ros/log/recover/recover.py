@@ -18,7 +18,7 @@ import zlib
 from masmc_ros.errors import InputError
 from masmc_ros.log.mcap import codec
 from masmc_ros.log.recover.salvage import Salvage
-from masmc_ros.whole_file import WholeFile
+from masmc_ros.output_files import replacing
 from mcap.reader import make_reader, NonSeekingReader
 from mcap.records import Footer, Statistics
 
@@ -73,12 +73,10 @@ def recover_all(folder: Path) -> Iterator[tuple[Path, Recovered]]:
     be written are unchanged. Yields each completed log.
     """
     for path in sorted((*folder.glob('*.mcap'), *folder.glob('*/*.mcap'))):
-        try:
-            if is_complete(path) or not is_ours(path):
-                continue
-            recovered = recover(path)
-        except (OSError, InputError):
-            continue
+        recovered = None
+        with suppress(OSError, InputError):
+            if is_ours(path) and not is_complete(path):
+                recovered = recover(path)
         if recovered is not None:
             yield path, recovered
 
@@ -168,17 +166,11 @@ def _is_readable(stream: IO[bytes], data: codec.Data, salvage: Salvage) -> bool:
 def _replace(path: Path, salvage: Salvage, status: os.stat_result) -> Statistics:
     """Write the new file and let it replace the old one, with its owner and mode."""
     # The file that a symbolic link names is replaced, not the link.
-    file = WholeFile(path.resolve())
-    try:
-        statistics = salvage.write(file.stream.write)
-        file.stream.flush()
-        descriptor = file.stream.fileno()
+    with replacing(path.resolve()) as stream:
+        statistics = salvage.write(stream.write)
+        stream.flush()
         with suppress(OSError):
-            os.fchown(descriptor, status.st_uid, status.st_gid)
-        os.fchmod(descriptor, stat.S_IMODE(status.st_mode))
-        os.fsync(descriptor)
-        file.finish()
-    except BaseException:
-        file.discard()
-        raise
+            os.fchown(stream.fileno(), status.st_uid, status.st_gid)
+        os.fchmod(stream.fileno(), stat.S_IMODE(status.st_mode))
+        os.fsync(stream.fileno())
     return statistics

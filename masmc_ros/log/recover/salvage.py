@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-import re
 import struct
 from typing import NamedTuple
 
@@ -16,9 +15,6 @@ from masmc_ros.log.mcap.chunks import INDEX_HEAD, index_messages, Indexes, packe
 from masmc_ros.log.mcap.record_stream import RecordStream
 from mcap import records as mcap
 from mcap.opcode import Opcode
-
-_HEADS = re.compile(rb'(?s)(?=[\x06\x09\x0c].{5}\0\0\0|\x0f\x04\0{7})')
-"""Possible starts of a chunk, attachment or metadata below 2**40 bytes, or of the data end."""
 
 _PRIVATE = 0x80
 """First opcode of private records, which readers skip."""
@@ -36,8 +32,6 @@ class _SoundRecord(NamedTuple):
 
     Attributes
     ----------
-    end
-        place in the file at which it ends.
     record
         its content; None for an index of messages, and for a private record.
     definitions
@@ -49,7 +43,6 @@ class _SoundRecord(NamedTuple):
 
     """
 
-    end: int
     record: mcap.McapRecord | None = None
     definitions: Sequence[mcap.Schema | mcap.Channel] = ()
     content: bytes = b''
@@ -93,20 +86,17 @@ class Salvage:
         self.has_damage = False
         self.header: mcap.Header | None = None
         self._data = data
-        self._copied: list[int] = []
+        self._copied: list[tuple[int, int]] = []
         in_chunks: _Definitions = {}
         outside: _Definitions = {}
         in_summary: _Definitions = {}
-        others = outside
-        position = len(codec.MAGIC)
-        size = len(data) - (len(codec.MAGIC) if data[-len(codec.MAGIC):] == codec.MAGIC else 0)
-        while position < size:
-            start, sound = position, _record_at(data, position)
-            position = sound.end if sound else _next_record(data, start + 1)
-            if sound is None or data[start] >= _PRIVATE:
-                self.dropped += position - start
+        others, end = outside, len(codec.MAGIC)
+        for opcode, start, end in codec.records(data):
+            sound = _sound_record(data, start, end)
+            if sound is None or opcode >= _PRIVATE:
+                self.dropped += end - start
             if sound is None:
-                self._note_damage(start)
+                self._note_damage(data[start:end])
                 continue
             record = sound.record
             if isinstance(record, mcap.Header):
@@ -114,19 +104,22 @@ class Salvage:
             elif isinstance(record, mcap.DataEnd):
                 others = in_summary
             elif isinstance(record, (mcap.Chunk, mcap.Message, mcap.Attachment, mcap.Metadata)):
-                self._copied.append(start)
+                self._copied.append((start, end))
             known = in_chunks if isinstance(record, mcap.Chunk) else others
             known.update({(type(entry), entry.id): entry for entry in sound.definitions})
+        # What follows a record of a wrong length cannot be read.
+        rest = data[end:].removesuffix(codec.MAGIC)
+        self.dropped += len(rest)
+        self.has_damage |= bool(rest)
         # Those in a chunk have a checksum; those of the summary replace lost ones.
         self._definitions = in_summary | outside | in_chunks
         self._starts_with_definitions = bool(self.dropped or outside)
 
-    def _note_damage(self, start: int) -> None:
-        """Note a damaged part, and the times of a damaged chunk."""
+    def _note_damage(self, raw: bytes) -> None:
+        """Note a damaged record, and the times of a damaged chunk."""
         self.has_damage = True
-        opcode, _, end = next(codec.records(self._data, start), (0, 0, 0))
-        if opcode == Opcode.CHUNK and end - start >= codec.RECORD_HEAD.size + _TIMES.size:
-            first, last = _TIMES.unpack_from(self._data, start + codec.RECORD_HEAD.size)
+        if raw[0] == Opcode.CHUNK and len(raw) >= codec.RECORD_HEAD.size + _TIMES.size:
+            first, last = _TIMES.unpack_from(raw, codec.RECORD_HEAD.size)
             if first <= last:
                 self.damaged.append((first, last))
 
@@ -158,8 +151,8 @@ class Salvage:
         output.start(self.header)
         if self._starts_with_definitions:
             output.write(b''.join(map(codec.packed, (*schemas.values(), *channels.values()))))
-        for start in self._copied:
-            sound = _record_at(self._data, start)
+        for start, end in self._copied:
+            sound = _sound_record(self._data, start, end)
             assert sound is not None
             record = sound.record
             if isinstance(record, mcap.Chunk):
@@ -175,39 +168,32 @@ class Salvage:
         return output.statistics
 
 
-def _record_at(data: codec.Data, start: int) -> _SoundRecord | None:
-    """Return the record at a place of a file; None if it is not sound."""
-    opcode, _, end = next(codec.records(data, start), (0, 0, 0))
-    if opcode >= _PRIVATE:
-        return _SoundRecord(end)
+def _sound_record(data: codec.Data, start: int, end: int) -> _SoundRecord | None:
+    """Return the record at a place of a file; None if it is damaged."""
     raw = data[start:end]
+    if raw[0] >= _PRIVATE:
+        return _SoundRecord()
     try:
-        if opcode == Opcode.MESSAGE_INDEX:
+        if raw[0] == Opcode.MESSAGE_INDEX:
             size = INDEX_HEAD.unpack_from(raw)[-1]
-            return _SoundRecord(end) if len(raw) == INDEX_HEAD.size + size else None
+            return _SoundRecord() if len(raw) == INDEX_HEAD.size + size else None
         record = codec.parsed(raw)
         copy = codec.packed(record)
         if raw not in (copy, copy[:-4] + bytes(4)):  # an attachment may have no checksum
             return None
         if isinstance(record, (mcap.Schema, mcap.Channel)):
-            return _SoundRecord(end, record, [record])
+            return _SoundRecord(record, [record])
         if not isinstance(record, mcap.Chunk):
-            return _SoundRecord(end, record)
+            return _SoundRecord(record)
         content = codec.decompressed(record)
         indexes, definitions = index_messages(content)
-        return _SoundRecord(end, record, definitions, content, indexes)
+        return _SoundRecord(record, definitions, content, indexes)
     except codec.LargeChunkError as error:
         raise codec.LargeChunkError(
             f'the chunk at byte {start} is {error}: write the log again with smaller chunks'
         ) from None
     except Exception:  # mcap and the compressors raise many kinds for damaged bytes
         return None
-
-
-def _next_record(data: codec.Data, position: int) -> int:
-    """Return the next place with a sound record that carries data, or the end of the file."""
-    places = (match.start() for match in _HEADS.finditer(data, position))
-    return next((place for place in places if _record_at(data, place)), len(data))
 
 
 def _add_chunk(

@@ -8,11 +8,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from masmc_ros.log.read.reader import Run
+from masmc_ros.output_files import file_stem
 from masmc_ros.report.draw.comparison import comparison_figure
 from masmc_ros.report.draw.error import error_figure
 from masmc_ros.report.draw.path_figure import path_figure
 from masmc_ros.report.draw.style import paper_style, png
-from masmc_ros.report.files import file_stem
 from masmc_ros.report.measure.labels import law_of
 from masmc_ros.report.measure.metrics import Metrics
 from masmc_ros.report.measure.tracking import Compared

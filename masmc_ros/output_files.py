@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 import errno
 import os
 from pathlib import Path
@@ -14,7 +14,55 @@ import re
 from typing import BinaryIO
 
 from masmc_ros.errors import InputError
-from masmc_ros.whole_file import WholeFile
+
+_unfinished: set[Path] = set()
+
+
+class WholeFile:
+    """File that is written as `NAME.part` in the same folder until it is complete."""
+
+    def __init__(self, path: Path) -> None:
+        """Initialise the file at a path; OSError if that is not possible."""
+        self.path = path
+        self.part = part_of(path)
+        _unfinished.add(self.part)
+        try:
+            self.stream = self.part.open('wb')
+        except BaseException:
+            self._forget()
+            raise
+
+    def finish(self) -> None:
+        """Give the file its name; OSError if that fails, after which the caller discards it."""
+        self.stream.close()
+        os.replace(self.part, self.path)
+        _unfinished.discard(self.part)
+
+    def discard(self) -> None:
+        """Remove the file; a previous file of its name is kept."""
+        # Data that a full disk rejected are not needed.
+        with suppress(OSError):
+            self.stream.close()
+        self._forget()
+
+    def _forget(self) -> None:
+        # On a read-only disk the file cannot be removed.
+        with suppress(OSError):
+            self.part.unlink(missing_ok=True)
+        _unfinished.discard(self.part)
+
+
+def part_of(path: Path) -> Path:
+    """Return the path of an incomplete file."""
+    return path.parent / f'{path.name}.part'
+
+
+def remove_unfinished() -> None:
+    """Remove files that were neither finished nor discarded, before the process ends."""
+    for part in tuple(_unfinished):
+        with suppress(OSError):
+            part.unlink(missing_ok=True)
+        _unfinished.discard(part)
 
 
 def make_folder(folder: Path) -> None:
@@ -37,24 +85,27 @@ def check_folder(folder: Path) -> None:
 
 
 @contextmanager
-def whole_file(path: Path) -> Iterator[BinaryIO]:
+def replacing(path: Path) -> Iterator[BinaryIO]:
     """
     Write a file that gets its name, or replaces another file, once it is complete.
 
-    Raises
-    ------
-    InputError
-        if it cannot be written. A previous file of this name is kept.
-
+    Raises OSError if it cannot be written. A previous file of this name is kept.
     """
+    file = WholeFile(path)
     try:
-        file = WholeFile(path)
-        try:
-            yield file.stream
-            file.finish()
-        except BaseException:
-            file.discard()
-            raise
+        yield file.stream
+        file.finish()
+    except BaseException:
+        file.discard()
+        raise
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[BinaryIO]:
+    """Write a file as `replacing` does; InputError if it cannot be written."""
+    try:
+        with replacing(path) as stream:
+            yield stream
     except OSError as error:
         raise _error(path, error) from error
 
