@@ -21,6 +21,10 @@ KINDS = [
     ('smc', 'implicit', 0.5),
     ('rasmc', 'implicit', 1.0),
 ]
+COMPILED_KINDS = [
+    pytest.param(*kind, marks=pytest.mark.slow if kind[1] in ('saturation', 'sigmoid') else ())
+    for kind in KINDS
+]
 DURATION = 0.3
 
 
@@ -98,7 +102,7 @@ SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2, 3))]
 
 
 @pytest.mark.parametrize('seed', SEEDS[:3])
-@pytest.mark.parametrize(('law', 'switching', 'observer_gain'), KINDS)
+@pytest.mark.parametrize(('law', 'switching', 'observer_gain'), COMPILED_KINDS)
 def test_closed_loop_every_law_matches_independent_simulation(
     law: str, switching: str, observer_gain: float, seed: int
 ) -> None:
@@ -131,6 +135,7 @@ def assert_close(actual: Array, expected: Array, limit: float, unit: str) -> Non
     )
 
 
+@pytest.mark.slow
 def test_random_scenarios_exercise_limits_and_surfaces() -> None:
     """Across the drawn runs, torques are limited, surfaces are reached and estimates move."""
     clipped = moved = slid = 0
