@@ -10,11 +10,13 @@ not take them from there.
 
 from glob import glob
 from pathlib import Path
+from runpy import run_path
 import sys
 
 from setuptools import find_packages, setup
 
 NAME = 'masmc_ros'
+NUMBA = run_path(f'{NAME}/numerics/supported_numba.py')
 NODES = sorted(Path(file).parent.name for file in glob(f'{NAME}/nodes/*/node.py'))
 WHEELS = "platform_system == 'Linux' and platform_machine == 'x86_64'"
 
@@ -59,7 +61,7 @@ setup(
         'matplotlib',
         'mcap',
         'mcap-ros2-support',
-        'numba>=0.58,<0.69',
+        f'numba>={NUMBA["OLDEST"]},<{NUMBA["FIRST_UNSUPPORTED"]}',
         'numpy>=1.26',
         'plotly>=6',
         'PyYAML',

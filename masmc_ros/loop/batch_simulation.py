@@ -32,6 +32,7 @@ from masmc_ros.loop.dry_run import check
 from masmc_ros.loop.reduction import axes_of_points, reduced_signals
 from masmc_ros.loop.simulated_robot import (
     delay_line,
+    has_effects,
     RIGID,
     stamp_age,
     write_plant,
@@ -101,7 +102,9 @@ class BatchSimulation:
         )
         self._settings = settings.copy()
         self._learned = records.law_memory(mechanism, law, lanes, compensated=compensated)
-        self._plant = records.plant_settings(mechanism, lanes)
+        self._plant = records.plant_settings(
+            mechanism, lanes, has_effects=any(has_effects(run['plant']) for run in runs)
+        )
         self._state = records.plant_memory(mechanism, lanes)
         self._now = records.signals(mechanism, lanes)
         self._write_plant(first, None)

@@ -18,10 +18,16 @@ from masmc_ros.errors import InputError
 from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import plant_start, plant_tick, reduce_signals, track_reference
 from masmc_ros.loop.reduction import axes_of_points, reduced_signals
-from masmc_ros.loop.simulated_robot import delay_line, NO_STATE, write_plant, write_start
+from masmc_ros.loop.simulated_robot import (
+    delay_line,
+    has_effects,
+    NO_STATE,
+    write_plant,
+    write_start,
+)
 from masmc_ros.numerics.aliases import Array, Flags, Function, Records
 from masmc_ros.numerics.compiled import bound
-from masmc_ros.numerics.record import copy_lane, fill
+from masmc_ros.numerics.record import copy_lane, fill, take_over
 from masmc_ros.params.declaration import Values
 from masmc_ros.robot.robot import robot_of
 import numpy as np
@@ -72,7 +78,9 @@ class DrivenRobots:
         self._period, self._path = scenario['plant']['control_period'], path
         self._window, self._settling = window, settling
         self._points = axes_of_points(mechanism)
-        self._plant = records.plant_settings(mechanism, lanes)
+        self._plant = records.plant_settings(
+            mechanism, lanes, has_effects=has_effects(scenario['plant'])
+        )
         self._nominal = records.plant_settings(mechanism, lanes)
         self._memory = records.plant_memory(mechanism, lanes)
         write_plant(self._plant, robot, self._period, scenario['plant'])
@@ -107,6 +115,8 @@ class DrivenRobots:
             If there is no such robot, or its initial state is not finite.
 
         """
+        if any(has_effects(run['plant']) for run in runs.values()):
+            self._add_effects()
         for lane, run in runs.items():
             robot = robot_of(run['plant'])
             write_plant(self._plant, robot, self._period, run['plant'], lane)
@@ -131,6 +141,14 @@ class DrivenRobots:
         self._track(0, signals, tracked)
         _copy_lanes(state, self._state, started)
         self.tick[started] = 0
+
+    def _add_effects(self) -> None:
+        """Select the code with effects of motors and joints for all lanes."""
+        plant = records.plant_settings(self.mechanism, len(self.tick), has_effects=True)
+        if plant.dtype != self._plant.dtype:
+            take_over(plant, self._plant)
+            self._plant = plant
+            self._bound.clear()
 
     def step(self, torque: Array, moves: Flags) -> None:
         """

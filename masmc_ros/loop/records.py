@@ -22,8 +22,9 @@ from masmc_ros.law.registry import parameters, REACHING, shared_parameters
 from masmc_ros.loop import control
 from masmc_ros.loop.signals import SIGNALS, TRACKED
 from masmc_ros.numerics.field import Field, field_of
-from masmc_ros.numerics.record import fill, new_record
+from masmc_ros.numerics.record import AT_RUN_TIME, fill, new_record
 from masmc_ros.params.declaration import Parameter, Values
+from masmc_ros.plant_model import joint_effects
 from masmc_ros.plant_model import tick as plant_tick
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.robot import Robot
@@ -128,9 +129,19 @@ def is_compensated(values: Values) -> bool:
     return is_on
 
 
-def plant_settings(mechanism: Mechanism, lanes: int = 1) -> Records:
-    """Return the settings of a plant, all zero."""
-    tags = {'mechanism': mechanism.tag}
+def plant_settings(
+    mechanism: Mechanism, lanes: int = 1, *, has_effects: bool = False
+) -> Records:
+    """
+    Return the settings of a plant, all zero.
+
+    `has_effects`: motors lag, joints stick or are elastic in a lane.
+    """
+    has_effects |= AT_RUN_TIME in mechanism.sizes
+    tags = {
+        'mechanism': mechanism.tag,
+        'effects': joint_effects.ON if has_effects else joint_effects.OFF,
+    }
     return new_record(plant_tick.SETTINGS, mechanism.sizes, lanes, tags, is_constant=True)
 
 

@@ -306,7 +306,7 @@ class SimulatedRobot:
         """
         self.period = period
         self.robot, self.mechanism = robot, robot.mechanism
-        self.settings = records.plant_settings(self.mechanism)
+        self.settings = records.plant_settings(self.mechanism, has_effects=has_effects(values))
         write_plant(self.settings, robot, period, values)
         self.memory = records.plant_memory(self.mechanism)
         self.signals = records.signals(self.mechanism)
@@ -451,7 +451,7 @@ def write_plant(
         'command_loss': values['command_loss'],
         'seed': values['seed'],
         'bandwidth': bandwidth,
-        'has_losses': any((*values['motor_lag'], *values['stiction.torque'])),
+        'has_losses': _has_losses(values),
         'stiction': values['stiction.torque'],
         'stiction_velocity': values['stiction.velocity'],
         'is_elastic': any(stiffness),
@@ -475,6 +475,15 @@ def write_plant(
     gains = np.array([bristle_gains(*joint, step) for joint in zip(*of_stiction, strict=True)])
     fill(settings, 'bristle_stiffness', gains[:, 0], lane)
     fill(settings, 'bristle_damping', gains[:, 1], lane)
+
+
+def has_effects(values: Values) -> bool:
+    """Return True if motors lag, or joints stick or are elastic."""
+    return _has_losses(values) or any(values['joint_stiffness'])
+
+
+def _has_losses(values: Values) -> bool:
+    return any((*values['motor_lag'], *values['stiction.torque']))
 
 
 def _true_theta(robot: Robot, values: Values) -> NDArray[np.float64]:

@@ -36,6 +36,7 @@ from masmc_ros.numerics.code_files import CodeFiles, Key
 from masmc_ros.numerics.compiler_errors import COMPILER_ERRORS, explained
 from masmc_ros.numerics.sized_records import has_sized_records, type_of
 from masmc_ros.numerics.sources import digest, files_of_types, remember
+from masmc_ros.numerics.supported_numba import FIRST_UNSUPPORTED, OLDEST
 from masmc_ros.user_folder import runtime_folder
 from numba import __version__ as numba_version
 from numba import config, njit
@@ -44,14 +45,17 @@ from numba.core.codegen import ll
 
 _settings: Any = config  # its attributes are made when it is imported
 
-OLDEST_NUMBA = (0, 58)
-"""Version of Numba in Ubuntu 24.04; setup.py requires the same."""
 
-if tuple(int(part) for part in numba_version.split('.')[:2]) < OLDEST_NUMBA:
+def _version(text: str) -> tuple[int, ...]:
+    return tuple(int(part) for part in text.split('.')[:2])
+
+
+if _version(numba_version) < _version(OLDEST):
     raise UserError(
-        f'numba {numba_version} is too old: expected {".".join(map(str, OLDEST_NUMBA))} or later;'
+        f'numba {numba_version} is too old: expected {OLDEST} or later;'
         ' pip install --upgrade numba'
     )
+
 
 class _RareCollections(event.Listener):
     """
@@ -284,10 +288,9 @@ def _replace_files(compiled: Any, source: str) -> None:
             lambda key: digest({source, *files_of_types(key[0])}),
         )
     except AttributeError as error:
-        oldest = '.'.join(map(str, OLDEST_NUMBA))
         raise UserError(
-            f'numba {numba_version} is not supported ({error}): expected {oldest} or later, below '
-            "0.69; pip install 'numba<0.69'"
+            f'numba {numba_version} is not supported ({error}): expected {OLDEST} or later, below '
+            f"{FIRST_UNSUPPORTED}; pip install 'numba<{FIRST_UNSUPPORTED}'"
         ) from error
 
 

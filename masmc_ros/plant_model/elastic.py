@@ -18,10 +18,8 @@ from __future__ import annotations
 
 import math
 
-from masmc_ros.numerics.aliases import Joints, Record
+from masmc_ros.numerics.aliases import Joints
 from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.lanes import lane_of
-from masmc_ros.numerics.record import lane_count
 from masmc_ros.numerics.scalars import selected
 from masmc_ros.numerics.tuples import elementwise, tail
 from masmc_ros.numerics.vectors import free, mark
@@ -45,15 +43,6 @@ def natural_frequency(stiffness: float, rotor: float, link: float) -> float:
 
     """
     return math.sqrt(stiffness * (1.0 / rotor + 1.0 / link)) if stiffness > 0.0 else 0.0
-
-
-@formula
-def is_elastic(plant: Record) -> bool:
-    """Return True if a joint is elastic in any lane."""
-    lanes = 0
-    for lane in range(lane_count(plant)):
-        lanes += lane_of(plant, lane).is_elastic
-    return lanes > 0
 
 
 @formula

@@ -31,8 +31,9 @@ from masmc_ros.plant_model.disturbance import (
     write_waves,
 )
 from masmc_ros.plant_model.drives import drive, lagging
-from masmc_ros.plant_model.elastic import is_elastic, rotor_rates, twist_joints, untwist_joints
+from masmc_ros.plant_model.elastic import rotor_rates, twist_joints, untwist_joints
 from masmc_ros.plant_model.fields import PlantMemory, PlantSettings, Signals
+from masmc_ros.plant_model.joint_effects import has_losses, is_elastic
 from masmc_ros.plant_model.measurement import delay_measurement, measure, write_noise
 from masmc_ros.plant_model.motion import runge_kutta_stage
 from masmc_ros.plant_model.stiction import stuck
@@ -244,15 +245,6 @@ def release(plant: Record, memory: Record, signals: Record, holds: bool) -> None
             row.applied = elementwise(zero, row.torque)
             state.target = row.applied
             state.driven = row.applied
-
-
-@formula
-def has_losses(plant: Record) -> bool:
-    """Return True if motors lag or joints stick in any lane."""
-    lanes = 0
-    for lane in range(lane_count(plant)):
-        lanes += lane_of(plant, lane).has_losses
-    return lanes > 0
 
 
 @formula

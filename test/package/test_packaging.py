@@ -14,7 +14,7 @@ import sys
 from xml.etree import ElementTree
 
 from helpers.child_environment import child_environment
-from masmc_ros.numerics.compiled import OLDEST_NUMBA
+from masmc_ros.numerics.supported_numba import FIRST_UNSUPPORTED, OLDEST
 from masmc_ros.optional import PACKAGES
 import pytest
 
@@ -108,9 +108,15 @@ def test_package_xml_and_setup_py_same_maintainer_and_url() -> None:
     assert f"maintainer_email='{maintainer.get('email')}'" in SETUP
     assert '.invalid' not in SETUP + str(maintainer.attrib)
     assert f'git clone {url}' in (ROOT / 'README.md').read_text(encoding='utf-8')
-    assert f"'numba>={'.'.join(map(str, OLDEST_NUMBA))},<0.69'" in SETUP
-    # `make test` and `make test-oldest` run both ends of the range.
-    assert re.search(r'^numba==0\.68\.\d+$', CONSTRAINTS, re.MULTILINE)
+
+
+def test_constraints_have_both_ends_of_supported_numba() -> None:
+    """`make test-oldest` and `make test` run with the oldest and the newest version."""
+    oldest = (ROOT / 'constraints-oldest.txt').read_text(encoding='utf-8')
+    assert re.search(rf'^numba=={re.escape(OLDEST)}\.\d+$', oldest, re.MULTILINE)
+    newest = re.search(r'^numba==0\.(\d+)\.\d+$', CONSTRAINTS, re.MULTILINE)
+    assert newest is not None
+    assert f'0.{int(newest[1]) + 1}' == FIRST_UNSUPPORTED
 
 
 def test_changelog_has_the_form_of_rep_132() -> None:
@@ -184,7 +190,7 @@ def test_simulate_old_numba_one_error_line() -> None:
     assert result.returncode == 2
     (line,) = result.stderr.splitlines()
     assert line == (
-        'masmc simulate: numba 0.57.1 is too old: expected 0.58 or later;'
+        f'masmc simulate: numba 0.57.1 is too old: expected {OLDEST} or later;'
         ' pip install --upgrade numba'
     )
 

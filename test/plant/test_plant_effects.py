@@ -14,9 +14,13 @@ from helpers.small_tree import parameters, START
 from hypothesis import given
 from hypothesis import strategies as st
 from masmc_ros.errors import InputError
+from masmc_ros.loop import records
 from masmc_ros.loop.batch_simulation import BatchSimulation
+from masmc_ros.loop.driven_robots import DrivenRobots
+from masmc_ros.loop.signals import OF_PLANT
 from masmc_ros.loop.simulated_robot import plant_of, SimulatedRobot
 from masmc_ros.loop.simulation import Simulation
+from masmc_ros.numerics.record import take_over
 from masmc_ros.params.node_parameters import declared
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.plant_model.delays import is_lost, newest, OF_COMMAND, OF_MEASUREMENT
@@ -64,6 +68,45 @@ def applied(plant: SimulatedRobot, commands: Array) -> Array:
         plant.advance(command)
         torques[k] = plant.applied
     return torques
+
+
+# Compiled code with and without effects of motors and joints.
+
+
+COMMANDS = np.random.default_rng(1).uniform(-0.5, 0.5, (30, 4))
+
+
+def test_robot_without_effects_equals_code_with_effects() -> None:
+    plain, general = planar(), planar()
+    settings = records.plant_settings(general.mechanism, has_effects=True)
+    assert settings.dtype != plain.settings.dtype
+    take_over(settings, general.settings)
+    general.settings = settings
+    np.testing.assert_array_equal(applied(general, COMMANDS), applied(plain, COMMANDS))
+    assert general.signals.tobytes() == plain.signals.tobytes()
+
+
+@pytest.mark.slow
+def test_driven_robot_with_effects_starts_later() -> None:
+    base, lagging = (
+        load_scenario(PAPER, (*CALM, *effects)) for effects in ((), ('plant.motor_lag=0.005',))
+    )
+    robots = DrivenRobots(
+        base, 2, path=np.zeros((90, 12)), window=(0, 90), settling=np.array([0.1, 0.01])
+    )
+    robots.start({0: base})
+    for command in COMMANDS:
+        robots.step(np.array([command, command]), np.array([True, False]))
+    robots.start({1: lagging})
+    for command in COMMANDS:
+        robots.step(np.array([command, command]), np.array([True, True]))
+    for lane, (values, ticks) in enumerate(((base, 2), (lagging, 1))):
+        plant = plant_of(values['plant'], 0.001)
+        applied(plant, np.tile(COMMANDS, (ticks, 1)))
+        for name in OF_PLANT:
+            np.testing.assert_array_equal(
+                robots.signals[name][0, ..., lane], plant.signals[name][0, ..., 0], err_msg=name
+            )
 
 
 # Delays.

@@ -1,0 +1,10 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Supported versions of Numba; `setup.py` reads them here, before anything is installed.
+
+`make test-oldest` runs with the oldest one, which Ubuntu 24.04 has, `make test` with the newest.
+"""
+
+OLDEST, FIRST_UNSUPPORTED = '0.58', '0.69'
