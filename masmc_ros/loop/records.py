@@ -123,8 +123,11 @@ def is_compensated(values: Values) -> bool:
     """
     is_on = delay_compensation.is_compensated(values)
     if is_on and takes_rates(values):
-        names = ', '.join(delay_compensation.ENABLING)
-        raise InputError(f'command_interface = velocity: expected {names} 0, or effort or hybrid')
+        *names, last = delay_compensation.ENABLING
+        raise InputError(
+            f'command_interface = velocity: expected {", ".join(names)} and {last} 0, because '
+            'only torques are compensated, or effort or hybrid'
+        )
     return is_on
 
 
