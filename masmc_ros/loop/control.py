@@ -147,8 +147,8 @@ def _control(settings: Settings, memory: Memory, signals: Signals) -> None:
     )
     signals.estimate = memory.estimate
     raw = law.torque(settings, tick, memory)
-    raw = moving_base.commanded_torque(settings, memory, tick.command, raw)
     raw = delay_compensation.reduced_torque(settings, memory, posture, raw)
+    raw = moving_base.commanded_torque(settings, memory, tick.command, raw)
     torque = within_limits(settings, raw, before)
     memory.commanded = torque
     law.learn(settings, tick, memory, raw, torque)

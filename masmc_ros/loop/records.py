@@ -120,12 +120,15 @@ def is_compensated(values: Values) -> bool:
     """
     Return True if a controller with these parameter values compensates latency.
 
-    Raises InputError for a base that follows velocities, whose motion is not predicted.
+    Raises InputError for commanded velocities of all joints, whose motion is not predicted.
     """
-    is_on = not takes_rates(values) and delay_compensation.is_compensated(values)
-    if is_on and is_hybrid(values):
-        names = ', '.join(delay_compensation.ENABLING)
-        raise InputError(f'command_interface = hybrid: expected {names} 0, or effort')
+    is_on = delay_compensation.is_compensated(values)
+    if is_on and takes_rates(values):
+        *names, last = delay_compensation.ENABLING
+        raise InputError(
+            f'command_interface = velocity: expected {", ".join(names)} and {last} 0, because '
+            'only torques are compensated, or effort or hybrid'
+        )
     return is_on
 
 

@@ -52,11 +52,7 @@ class ContactRobot(SimulatedRobot):
 
     def __init__(self, robot: Robot, period: float, values: Values) -> None:
         """Initialise like `SimulatedRobot`; raise InputError if MuJoCo rejects the robot."""
-        if any(values['joint_stiffness']):
-            raise InputError(
-                'plant.joint_stiffness: expected 0 with plant.physics mujoco; rigid has elastic '
-                'joints'
-            )
+        springs = ('joint_stiffness', 'joint_damping', 'rotor_inertia')
         self._steps = max(1, round(period / values['integrator_step']))
         self._parts, self._loaded = (
             contact_model(
@@ -65,6 +61,7 @@ class ContactRobot(SimulatedRobot):
                 friction=values['friction'],
                 castor_distance=values['castor_distance'],
                 load=load,
+                springs=np.transpose([values[name] for name in springs]),
             )
             for load in (0.0, values['payload.mass'])
         )
@@ -100,9 +97,12 @@ class ContactRobot(SimulatedRobot):
             )
             self._drive = self._drive or bound(plant_drive, *moved)
             memory['rates'][:, 0] = self._rates()
+            memory['rotor_rates'][forces:, 0] = data.qvel[parts.rotor_rates]
             self._drive(*moved)
             driven, disturbance = memory['driven'][:, 0], memory['disturbance'][:, 0]
-            data.qfrc_applied[parts.rates] = driven[forces:] + disturbance[forces:]
+            data.qfrc_applied[parts.rotor_rates] = 0.0
+            data.qfrc_applied[parts.rates] = disturbance[forces:]
+            data.qfrc_applied[parts.rotor_rates] += driven[forces:]
             if forces:
                 data.qfrc_applied[parts.turning] = self._shares @ driven[:forces]
                 self._push_base(disturbance[:forces])
@@ -161,27 +161,31 @@ class ContactRobot(SimulatedRobot):
         data.qpos[3:7] = math.cos(0.5 * self._yaw), 0.0, 0.0, math.sin(0.5 * self._yaw)
         for _ in range(round(_SETTLING * self._steps / self.period)):
             data.qpos[:2], data.qpos[parts.positions] = (x, y), start[first:]
+            data.qpos[parts.rotor_positions] = start[first:]
             heave, roll, pitch = _CALM * data.qvel[2:5]
             data.qvel[:] = 0.0
             data.qvel[2:5] = heave, roll, pitch
             mujoco.mj_step(self._model, data)
         data.qpos[:2], data.qpos[parts.positions] = (x, y), start[first:]
+        data.qpos[parts.rotor_positions] = start[first:]
         data.qvel[:] = 0.0
         data.qvel[:2], data.qvel[5] = velocity[:2], velocity[2]
         data.qvel[parts.turning] = parts.rolling @ self._base_rates()
-        data.qvel[parts.rates] = velocity[first:]
+        data.qvel[parts.rates] = data.qvel[parts.rotor_rates] = velocity[first:]
         data.time = 0.0
 
     def _write_state(self) -> None:
         """Write the state of MuJoCo as the true state."""
-        data, memory = self._data, self.memory[0]
+        data, memory, parts = self._data, self.memory[0], self._parts
         mujoco.mju_quat2Mat(self._turned, data.qpos[3:7])
         yaw = math.atan2(self._turned[3], self._turned[0])
         self._yaw += math.remainder(yaw - self._yaw, 2.0 * math.pi)
-        rates, angles = self._rates(), data.qpos[self._parts.positions]
+        rates, angles = self._rates(), data.qpos[parts.positions]
         memory['position'][:, 0] = *data.qpos[:2], self._yaw, *self._gone, *angles
         memory['velocity'][:, 0] = *data.qvel[:2], self._turned[6:] @ data.qvel[3:6], *rates
         memory['rates'][:, 0] = rates
+        memory['rotor_angles'][parts.forces:, 0] = data.qpos[parts.rotor_positions]
+        memory['rotor_rates'][parts.forces:, 0] = data.qvel[parts.rotor_rates]
 
     def _see(self, holds: bool = False) -> bool:
         """Measure the state; return True if it is finite."""

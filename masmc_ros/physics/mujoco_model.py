@@ -5,7 +5,8 @@
 MuJoCo model of a robot: bodies of its URDF, wheels on a plane, castors and payload.
 
 The base moves freely and is guided by friction. Bodies have the masses of the URDF. Only wheels
-and castors have contacts.
+and castors have contacts. The rotor of an elastic joint is a body that only spins, as that of
+`plant_model.elastic`, and a tendon is its spring.
 """
 
 from __future__ import annotations
@@ -73,6 +74,10 @@ class ContactModel(NamedTuple):
     """Indices (joints - forces) of the joints in qpos, in the order of the mechanism."""
     rates: Array
     """Indices (joints - forces) of the joints in qvel."""
+    rotor_positions: Array
+    """Indices (joints - forces) of the rotors in qpos; those of rigid joints are the joints."""
+    rotor_rates: Array
+    """Indices (joints - forces) of the rotors in qvel."""
     forces: int
     """Number of the first joints of the mechanism that are forces on the base instead."""
     turning: Array
@@ -96,6 +101,7 @@ def contact_model(
     friction: float,
     castor_distance: float = 0.0,
     load: float = 0.0,
+    springs: Array | None = None,
 ) -> ContactModel:
     """
     Make the model of a robot on two driven wheels, or on omnidirectional ones.
@@ -113,6 +119,9 @@ def contact_model(
         m; 0 selects half of the track, or 0.4 m.
     load
         Mass of the payload at the tip in kg.
+    springs
+        Stiffness in N·m/rad, damping in N·m·s/rad and inertia of the rotor in kg·m² of each joint
+        (joints, 3); a joint with a stiffness of 0 is rigid. None: all are rigid.
 
     Raises
     ------
@@ -131,6 +140,12 @@ def contact_model(
         )
     forces = len(_ANY_WAY) if has_rollers else 0
     names = [joint.name for joint in mechanism.joints][forces:]
+    springs = np.zeros((len(mechanism.joints), 3)) if springs is None else springs
+    if springs[:forces, 0].any():
+        raise InputError(
+            'plant.joint_stiffness: expected 0 for the first 3 joints, because with plant.physics '
+            'mujoco they are forces on the base'
+        )
     tree = _with_wheels(robot, names)
     if has_rollers:
         wheels = _omni_wheels(castor_distance or _OMNI_DISTANCE)
@@ -158,6 +173,10 @@ def contact_model(
         joint = spec.joint(name)
         # The second and third are of its square and cube.
         joint.damping, joint.frictionloss = [viscous, 0.0, 0.0], coulomb
+    rotors = [
+        _add_rotor(spec, name, *spring) if spring[0] > 0.0 else name
+        for name, spring in zip(names, springs[forces:], strict=True)
+    ]
     for wheel in wheels:
         if has_rollers:
             _add_omni_wheel(spec, bodies[0], wheel, friction)
@@ -175,11 +194,13 @@ def contact_model(
         model = spec.compile()
     except ValueError as error:
         raise InputError(f'plant.physics = mujoco: {error}') from error
-    joints = [model.joint(name) for name in names]
     return ContactModel(
         model,
-        np.array([joint.qposadr[0] for joint in joints]),
-        np.array([joint.dofadr[0] for joint in joints]),
+        *(
+            np.array([getattr(model.joint(name), address)[0] for name in joints])
+            for joints in (names, rotors)
+            for address in ('qposadr', 'dofadr')
+        ),
         forces,
         np.array([model.joint(wheel.name).dofadr[0] for wheel in wheels]),
         np.array([model.geom(wheel.name).id for wheel in wheels]),
@@ -272,6 +293,25 @@ def _bodies(spec: mujoco.MjSpec, tree: TreeRobot, armature: float) -> list[mujoc
         _set_inertia(body, inertial_parameters)
         bodies.append(body)
     return bodies
+
+
+def _add_rotor(
+    spec: mujoco.MjSpec, joint: str, stiffness: float, damping: float, inertia: float
+) -> str:
+    """Add the rotor of an elastic joint and its spring; return the name of its joint."""
+    name = f'{joint}_rotor'
+    body = spec.worldbody.add_body(name=name)
+    body.explicitinertial = True
+    body.mass, body.ipos, body.inertia = inertia, np.zeros(3), np.full(3, inertia)
+    body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0.0, 0.0, 1.0])
+    # The second and third are of the square and the cube of its length.
+    spring = spec.add_tendon(
+        name=name, stiffness=[stiffness, 0.0, 0.0], damping=[damping, 0.0, 0.0],
+        springlength=[0.0, 0.0],
+    )
+    spring.wrap_joint(name, 1.0)
+    spring.wrap_joint(joint, -1.0)
+    return name
 
 
 def _set_inertia(body: mujoco.MjsBody, inertial_parameters: Array) -> None:

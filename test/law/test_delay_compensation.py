@@ -57,7 +57,9 @@ class DelayedLoop:
         for _ in range(ticks):
             plant = self.plant
             self.controller.tick(plant.position, plant.velocity, self.reference)
-            plant.advance(self.controller.torque)
+            controller = self.controller
+            by_velocity = plant.by_velocity
+            plant.advance(np.where(by_velocity, controller.velocity_command, controller.torque))
 
     def predicted(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the positions and velocities in which the next torque would act."""
@@ -78,6 +80,28 @@ def test_prediction_true_model_equals_true_state(delay: float) -> None:
     position, velocity = loop.predicted()
     np.testing.assert_allclose(position, loop.plant.true_position, atol=2e-6)
     np.testing.assert_allclose(velocity, loop.plant.true_velocity, atol=2e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('delay', [0.004, 0.012])
+def test_prediction_base_by_velocity_equals_true_state(delay: float) -> None:
+    both = {'command_interface': 'hybrid', 'base_lag': 0.1}
+    drives = {'velocity_loop.bandwidth': 1000.0, 'integrator_step': 1e-4}
+    loop = DelayedLoop(
+        {**both, **drives, 'measurement_delay': 0.5 * delay, 'command_delay': 0.5 * delay},
+        **both,
+        latency=delay,
+    )
+    loop.reference[4:8] = 0.1, 0.05, 0.1, 0.0
+    for _ in range(600):
+        loop.reference[:4] += PERIOD * loop.reference[4:8]
+        loop.run(1)
+    later = loop.predicted()
+    # The predicted state is that after the delay of commands.
+    loop.run(round(0.5 * delay / PERIOD))
+    plant = loop.plant
+    for state, true in zip(later, (plant.true_position, plant.true_velocity), strict=True):
+        np.testing.assert_allclose(state, true, atol=2e-4)
 
 
 @pytest.mark.parametrize('source', ['measured', 'estimated'])

@@ -6,15 +6,19 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from helpers.small_tree import parameters, START
 from masmc_ros.errors import InputError
 from masmc_ros.law.command_interface import by_velocity
-from masmc_ros.law.parts.moving_base import rates_by_torque
+from masmc_ros.law.parts.moving_base import accelerations_on_base, rates_by_torque
+from masmc_ros.loop import records
 from masmc_ros.loop.controller_events import DEACTIVATED
 from masmc_ros.loop.simulated_robot import plant_of
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.tick_block import Change, TickBlock
+from masmc_ros.numerics.compiled import interpreted
+from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.params.node_parameters import declared
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot import mechanism
@@ -95,6 +99,44 @@ def test_arm_rates_produce_missing_task_velocity_within_damping() -> None:
     reached = mechanism.task_velocity(model, posture, motion)
     np.testing.assert_allclose(reached, missing, atol=5e-5)
     assert rates[:2] == (0.0, 0.0)
+
+
+@pytest.mark.parametrize('values', [{}, parameters()], ids=['planar', 'tree'])
+def test_accelerations_on_base_equal_those_under_its_torques(values: dict[str, Any]) -> None:
+    """The base gets the accelerations that torques of its wheels would cause."""
+    kind = mechanism_from(values)
+    robot = robot_of({p.name: p.default for p in kind.parameters} | values)
+    settings, signals = records.plant_settings(kind), records.signals(kind)
+    settings['geometry'][0, :, 0] = robot.geometry
+    settings['theta'][0, :, 0] = robot.theta
+    joints, random = len(kind.joints), np.random.default_rng(7)
+    signals['position'][0, :, 0] = random.uniform(0.2, 1.0, signals['position'].shape[1])
+    signals['velocity'][0, :, 0] = random.uniform(-1.0, 1.0, signals['velocity'].shape[1])
+    signals['torque'][0, :, 0] = random.uniform(-3.0, 3.0, joints)
+    with interpreted():
+        plant, row = lane_of(settings[0], 0), lane_of(signals[0], 0)
+        model, mask = mechanism.model_of(plant), (1,) * len(kind.twist) + (0,) * joints
+        posture = mechanism.posture(model, row.position)
+        state = model, posture, plant.theta
+        rates, torque = row.velocity[-joints:], row.torque
+        expected = mechanism.joint_accelerations(*state, rates, torque)
+        command = mechanism.rate_command(model, mechanism.motion(model, expected))
+        inputs = tuple(np.where(mask[:joints], command, torque))
+        found = accelerations_on_base(*state, mask[:joints], rates, inputs)
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+
+
+def test_commanded_velocities_with_latency_raise_one_line() -> None:
+    values = load_scenario(
+        PAPER,
+        (
+            'plant.command_interface=velocity',
+            'controller.command_interface=velocity',
+            'controller.latency=0.01',
+        ),
+    )
+    with pytest.raises(InputError, match=r'velocity: expected latency, motor_lag and comp'):
+        Simulation(values)
 
 
 def test_hybrid_fixed_arm_raises() -> None:

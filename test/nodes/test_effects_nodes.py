@@ -32,14 +32,20 @@ HYBRID = {
     'plant__base_lag': 0.1,
     'controller__base_lag': 0.1,
 }
+LATENCY = {'controller__latency': 0.006, 'controller__motor_lag': 0.002}
 STAMPED = {'plant__enable_stamped_cmd_vel': 'true', 'controller__enable_stamped_cmd_vel': 'true'}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     'settings',
-    [EFFECTS, HYBRID, {**HYBRID, **STAMPED, **EFFECTS}],
-    ids=['effects', 'hybrid', 'hybrid-stamped-effects'],
+    [
+        EFFECTS,
+        HYBRID,
+        {**HYBRID, **STAMPED, **EFFECTS},
+        {**HYBRID, **EFFECTS, **LATENCY},
+    ],
+    ids=['effects', 'hybrid', 'hybrid-stamped-effects', 'hybrid-effects-latency'],
 )
 def test_lockstep_run_of_imperfect_plant_equals_computed_run(
     settings: dict[str, object], tmp_path: Path, capsys: pytest.CaptureFixture[str]

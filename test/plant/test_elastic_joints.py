@@ -146,7 +146,45 @@ def test_too_stiff_joint_for_the_step_raises() -> None:
         planar('plant.joint_stiffness=[0.0, 0.0, 0.0, 1e9]')
 
 
-def test_contact_robot_with_elastic_joints_raises() -> None:
+@pytest.mark.slow
+@pytest.mark.parametrize('wheels', [0.0, 5.0])
+def test_elastic_joints_of_mujoco_equal_those_of_rigid_plant(wheels: float) -> None:
+    """Within the differences of contact: 0.07 rad of 3 to 11 rad, and 1 mm, after 3 s."""
     pytest.importorskip('mujoco')
-    with pytest.raises(InputError, match=r'joint_stiffness: expected 0 with plant\.physics'):
-        planar('plant.joint_stiffness=1000.0', 'plant.physics=mujoco')
+    contact, rigid = (
+        planar(
+            f'plant.physics={physics}',
+            f'plant.joint_stiffness=[{wheels}, {wheels}, 300.0, 200.0]',
+            'plant.joint_damping=0.5',
+            'plant.rotor_inertia=0.05',
+            'plant.integrator_step=0.0005',
+        )
+        for physics in ('mujoco', 'rigid')
+    )
+    largest, apart, twists_apart = np.zeros(4), np.zeros(7), np.zeros(4)
+    for k in range(3000):
+        t = 0.001 * k
+        roll = 0.02 * math.sin(3.0 * t)
+        torque = np.array([roll, -roll, 1.5 * math.sin(4.0 * t), 0.8 * math.sin(5.0 * t)])
+        twists = []
+        for plant in (contact, rigid):
+            plant.advance(torque)
+            twists.append((plant.position - plant.true_position)[3:])
+        largest = np.maximum(largest, np.abs(twists[1]))
+        twists_apart = np.maximum(twists_apart, np.abs(twists[0] - twists[1]))
+        apart = np.maximum(apart, np.abs(contact.true_position - rigid.true_position))
+    assert (largest[2:] > 0.002).all()
+    assert (twists_apart[2:] < 0.06 * largest[2:]).all()
+    assert (twists_apart[:2] <= 0.05 * largest[:2]).all()
+    assert apart[:2].max() < 1e-3
+    assert apart[2:].max() < 0.1
+
+
+def test_elastic_joints_of_omnidirectional_base_raise_with_mujoco() -> None:
+    pytest.importorskip('mujoco')
+    panda = load_scenario(
+        str(Path(PAPER).with_name('franka_on_omni.yaml')),
+        ('plant.physics=mujoco', 'plant.joint_stiffness=10000.0'),
+    )
+    with pytest.raises(InputError, match=r'joint_stiffness: expected 0 for the first 3 joints'):
+        plant_of(panda['plant'], 0.001)

@@ -12,7 +12,9 @@ reference and its regressor are evaluated. d is an acceleration of the mechanism
     f = (v - v_model) / T,   delta <- delta + beta_2 f,   d <- d + beta f + delta,
 
 and the torque of any law is reduced by H (d + (L / T + 1) delta). docs/theory/latency.md derives
-the gains. Without latency the compiled code contains none of this: `COMPENSATIONS` selects it.
+the gains. A base that follows velocities is
+predicted by its lag (`moving_base`); d is then one of the arm. Without latency the compiled code
+contains none of this: `COMPENSATIONS` selects it.
 """
 
 from __future__ import annotations
@@ -22,6 +24,7 @@ from types import SimpleNamespace
 from typing import NamedTuple
 
 from masmc_ros.law.fields import Memory, Settings
+from masmc_ros.law.parts import moving_base
 from masmc_ros.law.parts.slip import backed_off
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED
 from masmc_ros.law.tick import Tick
@@ -133,7 +136,7 @@ MEMORY = (
     Field('measured_base', 'base', 'Base pose in it', 'm, rad'),
     Field('measured_rates', 'joints', 'Rates in it, measured or estimated', 'rad/s'),
     Field('measured_acceleration', 'joints', 'Its derivative, of the mechanism', '1/s²'),
-    Field('history_torque', (HISTORY, 'joints'), 'Commanded torques', 'N·m'),
+    Field('history_command', (HISTORY, 'joints'), 'Commands: torques, base velocities'),
     Field('history_start', HISTORY, 'Times at which they started to act', 's'),
     Field('history_newest', description='Row of the newest one', kind='i8'),
     Field('history_initialised', description='1 after the first tick', kind='i8'),
@@ -160,7 +163,7 @@ class CompensationMemory(Memory):
     measured_base: Numbers
     measured_rates: Joints
     measured_acceleration: Joints
-    history_torque: Numbers
+    history_command: Numbers
     history_start: Numbers
     history_newest: int
     history_initialised: int
@@ -265,10 +268,13 @@ def estimate_gain(settings: Settings) -> float:
 
 
 @formula
-def _store_command(memory: CompensationMemory, torque: Numbers) -> None:
-    """Add a torque to the history, from the time `memory.acts_from` on."""
+def _store_command(
+    settings: CompensationSettings, memory: CompensationMemory, torque: Numbers
+) -> None:
+    """Add torques and the last base velocities to the history, from `memory.acts_from` on."""
+    command = moving_base.command(settings, memory, torque)
     newest = (memory.history_newest + 1) & (HISTORY - 1)
-    write_along(in_place(memory, 'history_torque'), newest * len(torque), torque)
+    write_along(in_place(memory, 'history_command'), newest * len(command), command)
     in_place(memory, 'history_start')[newest] = memory.acts_from
     memory.history_newest = newest
 
@@ -279,11 +285,11 @@ def _added(total: float, value: float, share: float) -> float:
 
 
 @formula
-def _mean_torque(
+def _mean_command(
     memory: CompensationMemory, start: float, end: float, template: Numbers
 ) -> Numbers:
-    """Return the mean acting torque between two times in s, in the form of `template`."""
-    torques, starts = in_place(memory, 'history_torque'), in_place(memory, 'history_start')
+    """Return the mean acting command between two times in s, in the form of `template`."""
+    commands, starts = in_place(memory, 'history_command'), in_place(memory, 'history_start')
     newest, count = memory.history_newest, len(template)
     total, until = elementwise(zero, template), end
     for i in range(HISTORY):
@@ -291,8 +297,8 @@ def _mean_torque(
         since = starts[row]
         since = start if (since < start) | (i == HISTORY - 1) else since
         if since < until:
-            torque = read_along(torques, row * count, template)
-            total = elementwise(_added, total, torque, (until - since) / (end - start))
+            command = read_along(commands, row * count, template)
+            total = elementwise(_added, total, command, (until - since) / (end - start))
             until = since
         if until <= start:
             break
@@ -304,16 +310,17 @@ def _mean_torque(
 
 @formula
 def _derivative(
-    model: Lengths,
+    settings: CompensationSettings,
     theta: Numbers,
     position: Numbers,
     rates: Numbers,
-    torque: Numbers,
+    inputs: Numbers,
     extra: Numbers,
 ) -> tuple[Numbers, Numbers]:
     """Return the derivatives of positions and joint rates; `extra` is added to accelerations."""
+    model = mechanism.model_of(settings)
     posture = mechanism.posture(model, position)
-    a = mechanism.joint_accelerations(model, posture, theta, rates, torque)
+    a = moving_base.accelerations(settings, posture, theta, rates, inputs)
     return mechanism.position_rates(model, posture, rates), elementwise(plus, a, extra)
 
 
@@ -335,8 +342,8 @@ def _advanced(
     """
     Return positions and joint rates at a later time according to the model.
 
-    The model is that of theta_hat, with the commanded torques and d. Heun steps have a length of
-    at most LONGEST_STEP; the torque of a step is its mean. Before the last measured state, d is
+    The model is that of theta_hat, with the commands and d. Heun steps have a length of at most
+    LONGEST_STEP; the command of a step is its mean. Before the last measured state, d is
     constant.
 
     Parameters
@@ -356,14 +363,15 @@ def _advanced(
     h = (end - start) / steps
     for step in range(steps):
         time = start + step * h
-        torque = _mean_torque(memory, time, time + h, rates)
+        command = _mean_command(memory, time, time + h, rates)
+        inputs = moving_base.inputs_of_step(settings, rates, command, h)
         # d is the mean acceleration of the period after the last measured state.
         ahead = max(0.0, (time + 0.5 * h - now) / period - 0.5)
         extra = mechanism.joint_rates(model, elementwise(moved, d, slope, ahead))
-        v_1, a_1 = _derivative(model, theta, position, rates, torque, extra)
+        v_1, a_1 = _derivative(settings, theta, position, rates, inputs, extra)
         position = elementwise(moved, position, v_1, h)
         rates = elementwise(moved, rates, a_1, h)
-        v_2, a_2 = _derivative(model, theta, position, rates, torque, extra)
+        v_2, a_2 = _derivative(settings, theta, position, rates, inputs, extra)
         position = elementwise(_corrected, position, v_1, v_2, 0.5 * h)
         rates = elementwise(_corrected, rates, a_1, a_2, 0.5 * h)
     return position, rates
@@ -435,7 +443,7 @@ def _follow_state(
             rates = elementwise(zero, rates)
         _start(settings, memory, position)
     else:
-        _store_command(memory, memory.commanded)
+        _store_command(settings, memory, memory.commanded)
         now = before + (1 + memory.skipped) * period
         elapsed = now - before
         rates_before = memory.measured_rates
@@ -465,6 +473,7 @@ def _follow_state(
             gain = gain - slope_gain
         else:
             f = mechanism.motion(model, elementwise(_rate, rates, expected, elapsed))
+        f = moving_base.by_torque(settings, f)
         slope = elementwise(moved, memory.acceleration_slope, f, slope_gain)
         d = elementwise(_followed, memory.acceleration, slope, f, gain)
         a = mechanism.motion(model, elementwise(_rate, expected, rates_before, elapsed))
@@ -492,7 +501,7 @@ def _start(settings: CompensationSettings, memory: CompensationMemory, position:
         torque = mechanism.joint_torques(model, mechanism.coriolis(model, posture, theta, still))
     memory.acts_from = -math.inf
     memory.history_initialised = 1
-    _store_command(memory, torque)
+    _store_command(settings, memory, torque)
 
 
 @formula

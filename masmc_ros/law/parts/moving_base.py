@@ -13,6 +13,9 @@ the true motion of the base and compensates its lag,
 
 by damped least squares if J_a cannot be inverted. Laws then use c' and its derivative in place of
 the reference motion. They request torques of the arm: those of the base are zero.
+
+The compensation of latency predicts this robot as well: b by its lag from the commanded
+velocities, and the arm by its torques and the acceleration of the base.
 """
 
 from __future__ import annotations
@@ -27,10 +30,12 @@ from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.dispatch import by_tag, interface
 from masmc_ros.numerics.elimination import solve_definite
 from masmc_ros.numerics.field import Field
+from masmc_ros.numerics.portable_math import exp
 from masmc_ros.numerics.scalars import minus, moved, plus, selected, zero
 from masmc_ros.numerics.scratch import scratch
 from masmc_ros.numerics.tuples import elementwise, unit
 from masmc_ros.params.declaration import Parameter
+from masmc_ros.plant_model.drives import lagging
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.formula_types import Lengths, MechanismPosture
 
@@ -213,10 +218,22 @@ def _torque_of_all(settings: Settings, memory: Memory, command: Numbers, raw: Nu
 
 
 @formula
+def _arm_only(settings: Settings, v: Numbers) -> Numbers:
+    model = mechanism.model_of(settings)
+    rates = mechanism.rate_command(model, v)
+    still = elementwise(zero, rates)
+    return _motion(model, elementwise(selected, settings.by_velocity, still, rates))
+
+
+@formula
+def _arm_and_base(settings: Settings, v: Numbers) -> Numbers:
+    return v
+
+
+@formula
 def _drift_by_torque(settings: Settings, memory: Memory, posture: MechanismPosture) -> None:
     model, mask = mechanism.model_of(settings), settings.by_velocity
-    drift = mechanism.rate_command(model, memory.drift)
-    drift = elementwise(selected, mask, elementwise(zero, drift), drift)
+    drift = mechanism.rate_command(model, _arm_only(settings, memory.drift))
     seen = mechanism.task_velocity(model, posture, _motion(model, drift))
     drift = elementwise(minus, drift, rates_by_torque(model, posture, mask, seen, drift))
     memory.drift = _motion(model, drift)
@@ -225,6 +242,112 @@ def _drift_by_torque(settings: Settings, memory: Memory, posture: MechanismPostu
 @formula
 def _drift_of_all(settings: Settings, memory: Memory, posture: MechanismPosture) -> None:
     pass
+
+
+@formula
+def _command_of_both(settings: Settings, memory: Memory, torque: Numbers) -> Numbers:
+    return elementwise(selected, settings.by_velocity, memory.velocity_command, torque)
+
+
+@formula
+def _command_of_torques(settings: Settings, memory: Memory, torque: Numbers) -> Numbers:
+    return torque
+
+
+@formula
+def _mean_acceleration(command: float, rate: float, decay: float, h: float) -> float:
+    """Return the mean acceleration of a first-order lag over a step of h seconds."""
+    return (lagging(command, rate, decay, 1) - rate) / h
+
+
+@formula
+def _inputs_of_both(settings: Settings, rates: Numbers, command: Numbers, h: float) -> Numbers:
+    model, lag = mechanism.model_of(settings), settings.base_lag
+    decay = exp(-h / lag) if lag > 0.0 else 0.0
+    before = mechanism.rate_command(model, mechanism.motion(model, rates))
+    acceleration = elementwise(_mean_acceleration, command, before, decay, h)
+    return elementwise(selected, settings.by_velocity, acceleration, command)
+
+
+@formula
+def _inputs_of_torques(
+    settings: Settings, rates: Numbers, command: Numbers, h: float
+) -> Numbers:
+    return command
+
+
+@kernel
+def accelerations_on_base(
+    model: Lengths,
+    posture: MechanismPosture,
+    theta: Numbers,
+    mask: tuple[int, ...],
+    rates: Numbers,
+    inputs: Numbers,
+) -> Numbers:
+    """
+    Return the accelerations of the joints (joints): those of the base are given.
+
+    In the coordinates of commands, the rows of the arm are H_aa a' = tau_a - n_a - H_ab b'.
+
+    Parameters
+    ----------
+    model, posture
+        Lengths, and posture of the state.
+    theta
+        Inertial parameters (parameters) of the model.
+    mask
+        1 for joints that follow velocities, 0 for the others (joints).
+    rates
+        Rates (joints) of the joints.
+    inputs
+        b' of the base, then torques of the arm (joints).
+
+    """
+    size, h = len(rates), mechanism.inertia(model, posture, theta)
+    still = elementwise(zero, rates)
+    base = elementwise(selected, mask, inputs, still)
+    force = mechanism.inertia_times(model, h, _motion(model, base))
+    bias = mechanism.coriolis(model, posture, theta, mechanism.motion(model, rates))
+    needed = mechanism.joint_torques(model, elementwise(plus, bias, force))
+    right = array_of(elementwise(minus, inputs, needed))
+    work, out = scratch(size, size + 1), scratch(size)
+    for k in range(size):
+        force = mechanism.inertia_times(model, h, _motion(model, unit(rates, k)))
+        column = array_of(mechanism.joint_torques(model, force))
+        is_driven = mask[k] == 0
+        for i in range(size):
+            work[i, k] = column[i] if is_driven and mask[i] == 0 else (1.0 if i == k else 0.0)
+        work[k, size] = right[k] if is_driven else 0.0
+    solve_definite(size, work)
+    for k in range(size):
+        out[k] = work[k, size]
+    arm = to_vector(out, rates)
+    return mechanism.commanded_joint_rates(model, elementwise(plus, base, arm))
+
+
+@formula
+def _accelerations_of_both(
+    settings: Settings,
+    posture: MechanismPosture,
+    theta: Numbers,
+    rates: Numbers,
+    inputs: Numbers,
+) -> Numbers:
+    model, mask = mechanism.model_of(settings), settings.by_velocity
+    return accelerations_on_base(model, posture, theta, mask, rates, inputs)
+
+
+@formula
+def _accelerations_of_torques(
+    settings: Settings,
+    posture: MechanismPosture,
+    theta: Numbers,
+    rates: Numbers,
+    inputs: Numbers,
+) -> Numbers:
+    model = mechanism.model_of(settings)
+    return mechanism.joint_accelerations(model, posture, theta, rates, inputs)
 
 
 @formula
@@ -243,6 +366,10 @@ _FORMULAS = {
         surface=_surface_of_all,
         commanded_torque=_torque_of_all,
         restrict_drift=_drift_of_all,
+        command=_command_of_torques,
+        inputs_of_step=_inputs_of_torques,
+        accelerations=_accelerations_of_torques,
+        by_torque=_arm_and_base,
         moves_by_velocity=_no,
     ),
     BY_VELOCITY: SimpleNamespace(
@@ -250,6 +377,10 @@ _FORMULAS = {
         surface=_surface_by_torque,
         commanded_torque=_torque_of_others,
         restrict_drift=_drift_by_torque,
+        command=_command_of_both,
+        inputs_of_step=_inputs_of_both,
+        accelerations=_accelerations_of_both,
+        by_torque=_arm_only,
         moves_by_velocity=_yes,
     ),
 }
@@ -330,6 +461,72 @@ def commanded_torque(
 @_dispatch
 def restrict_drift(settings: Settings, memory: Memory, posture: MechanismPosture) -> None:
     """Restrict `memory.drift` to motions of the arm in the null space of the task."""
+
+
+@_dispatch
+def command(settings: Settings, memory: Memory, torque: Numbers) -> Numbers:
+    """
+    Return the last command (joints): the last velocities of the base, and torques.
+
+    Parameters
+    ----------
+    settings, memory
+        Settings and memory of the law.
+    torque
+        Joint torques (joints) in N·m.
+
+    """
+
+
+@_dispatch
+def inputs_of_step(settings: Settings, rates: Numbers, command: Numbers, h: float) -> Numbers:
+    """
+    Return the inputs (joints) of `accelerations` in a step: b' of the base, and torques.
+
+    Parameters
+    ----------
+    settings
+        Settings of the law.
+    rates
+        Rates (joints) of the joints at the start of the step.
+    command
+        Mean `command` (joints) in the step.
+    h
+        Length of the step in s.
+
+    """
+
+
+@_dispatch
+def accelerations(
+    settings: Settings,
+    posture: MechanismPosture,
+    theta: Numbers,
+    rates: Numbers,
+    inputs: Numbers,
+) -> Numbers:
+    """
+    Return the accelerations of the joints (joints) according to the model.
+
+    Parameters
+    ----------
+    settings
+        Settings of the law.
+    posture
+        Posture of the state.
+    theta
+        Inertial parameters (parameters) of the model.
+    rates
+        Rates (joints) of the joints.
+    inputs
+        Result of `inputs_of_step` (joints).
+
+    """
+
+
+@_dispatch
+def by_torque(settings: Settings, v: Numbers) -> Numbers:
+    """Return velocities of the mechanism, or their derivatives, without those of the base."""
 
 
 @_dispatch
