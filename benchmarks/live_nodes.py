@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 import os
 from pathlib import Path
@@ -22,17 +22,18 @@ TIMEOUT = 30.0
 
 @contextmanager
 def realtime_nodes(
-    folder: Path, period: float, *nodes: str
+    folder: Path, period: float, *nodes: str, file: str = 'paper.yaml', more: Iterable[str] = ()
 ) -> Iterator[dict[str, subprocess.Popen[bytes]]]:
     """Yield the processes of an endless run; this process joins their domain meanwhile."""
     wait_for = ', '.join(node for node in nodes if node != 'plant')
-    arguments = ['--ros-args', '--params-file', str(shared_file('config', 'paper.yaml'))]
+    arguments = ['--ros-args', '--params-file', str(shared_file('config', file))]
     for setting in (
         'pacing:=realtime',
         'duration:=0.0',
         f'control_period:={period}',
         f'plant:wait_for:=[{wait_for}]',
         f'recorder:output:={folder / "run.mcap"}',
+        *more,
     ):
         arguments += ['-p', setting]
     with private_domain() as domain:

@@ -4,12 +4,18 @@
 """
 Jitter and overruns of a real-time run: `python -m benchmarks.real_time [SECONDS]`.
 
+`python -m benchmarks.real_time laws` changes the law of TIAGo to every law that supports it, and
+back, and prints the latest command of each pair of changes; `chrt -f 50` keeps other load out.
+
 All times are those at which the middleware sent the messages. Delays of the observer have no
 effect.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+import os
 from pathlib import Path
 import sys
 import tempfile
@@ -17,63 +23,136 @@ import time
 from typing import Any
 
 from benchmarks.live_nodes import end, realtime_nodes
+from masmc_ros.loop.preparation import fitting
 from masmc_ros.messages.commands import EffortCdr
+from masmc_ros.messages.parameter_record import read_record
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.nodes.middleware.qos import subscription_qos
+from masmc_ros.params.scenario import load_scenario
+from masmc_ros.robot.joint_names import driven_joint_names
+from masmc_ros.robot.mechanisms import mechanism_from
+from masmc_ros.share import shared_file
 import numpy as np
+from rcl_interfaces.srv import SetParametersAtomically
 import rclpy
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray
+from std_msgs.msg import Float64MultiArray, String
 
 NODES = ('trajectory', 'controller', 'plant')
 RATES = (500, 1000)
+TIAGO = 'tiago.yaml'
+
+PATIENT = (
+    'controller:state_timeout:=10.0',
+    'controller:runaway_detection:=false',
+    'plant:command_timeout:=10.0',
+)
+"""Settings with which late ticks on a busy machine do not end the run."""
+
+COMPILING = 900.0
+"""Maximum time in s until a law without compiled code is active on a busy machine."""
+
+
+class Observer:
+    """
+    Node that observes a run in real time.
+
+    Attributes
+    ----------
+    states
+        Times in ns at which states were sent, by their stamps in ns.
+    commands
+        Times in ns at which the commands that answer them were sent, by the same stamps.
+    law
+        Law that computes the commands.
+
+    """
+
+    def __init__(self, context: Context, command: EffortCdr) -> None:
+        """Initialise the node in a context; `command` reads commands of the robot."""
+        self.states: dict[int, int] = {}
+        self.commands: dict[int, int] = {}
+        self.law = ''
+        self._command = command
+        self.node = Node('observer', context=context)
+        # The other executor fails on callbacks that receive the times of a message.
+        self._executor = SingleThreadedExecutor(context=context)
+        self._executor.add_node(self.node)
+        qos = subscription_qos(depth=1000)
+        callbacks: tuple[tuple[type, str, Any], ...] = (  # rclpy's types know one argument only
+            (JointState, 'joint_states', self._on_state),
+            (Float64MultiArray, 'effort_commands', self._on_command),
+        )
+        for message_type, topic, callback in callbacks:
+            self.node.create_subscription(message_type, topic, callback, qos, raw=True)
+        self.node.create_subscription(
+            String,
+            'controller/parameters',
+            self._on_parameters,
+            subscription_qos(depth=10, past=True),
+        )
+
+    def spin(self, seconds: float) -> None:
+        """Receive messages for some seconds."""
+        limit = time.monotonic() + seconds
+        while time.monotonic() < limit:
+            self._executor.spin_once(0.1)
+
+    def until(self, condition: Any, seconds: float = 30.0) -> None:
+        """Receive messages until a condition holds; raise TimeoutError after some seconds."""
+        limit = time.monotonic() + seconds
+        while not condition():
+            if time.monotonic() > limit:
+                raise TimeoutError(f'nothing has changed for {seconds:g} s')
+            self._executor.spin_once(0.1)
+
+    def close(self) -> None:
+        """Destroy the node."""
+        self._executor.remove_node(self.node)
+        self.node.destroy_node()
+        self._executor.shutdown()
+
+    def _on_state(self, raw: Any, info: Any) -> None:
+        self.states[header_stamp(raw)] = info['source_timestamp']
+
+    def _on_command(self, raw: Any, info: Any) -> None:
+        command = self._command
+        if command.load(raw) and command.stamp_ns is not None:
+            self.commands.setdefault(command.stamp_ns, info['source_timestamp'])
+
+    def _on_parameters(self, message: String) -> None:
+        self.law = read_record(message.data).parameters['law']
+
+
+@contextmanager
+def observed(
+    command: EffortCdr, period: float, file: str = 'paper.yaml', *more: str
+) -> Iterator[Observer]:
+    """Yield the observer of an endless run in real time, from its first command on."""
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        realtime_nodes(Path(folder), period, *NODES, file=file, more=more) as processes,
+    ):
+        context = Context()
+        rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
+        observer = Observer(context, command)
+        observer.until(lambda: observer.states and observer.commands, COMPILING)
+        yield observer
+        end(processes)
+        observer.close()
+        context.try_shutdown()
 
 
 def measure(rate: int, seconds: float) -> str:
     """Run for `seconds` at a rate in 1/s and return a line of figures."""
-    states: dict[int, int] = {}
-    commands: dict[int, int] = {}
-    command = EffortCdr()
-
-    def on_state(raw: Any, info: Any) -> None:
-        states[header_stamp(raw)] = info['source_timestamp']
-
-    def on_command(raw: Any, info: Any) -> None:
-        if command.load(raw) and command.stamp_ns is not None:
-            commands.setdefault(command.stamp_ns, info['source_timestamp'])
-
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        realtime_nodes(Path(folder), 1.0 / rate, *NODES) as processes,
-    ):
-        context = Context()
-        rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
-        # The other executor fails on callbacks that receive the times of a message.
-        executor = SingleThreadedExecutor(context=context)
-        node = Node('observer', context=context)
-        qos = subscription_qos(depth=1000)
-        callbacks: tuple[tuple[type, str, Any], ...] = (  # rclpy's types know one argument only
-            (JointState, 'joint_states', on_state),
-            (Float64MultiArray, 'effort_commands', on_command),
-        )
-        for message_type, topic, callback in callbacks:
-            node.create_subscription(message_type, topic, callback, qos, raw=True)
-        executor.add_node(node)
-        limit = time.monotonic() + 30.0
-        while not (states and commands) and time.monotonic() < limit:
-            executor.spin_once(0.1)
-        start = time.monotonic()
-        while time.monotonic() < start + seconds:
-            executor.spin_once(0.1)
-        end(processes)
-        executor.remove_node(node)
-        node.destroy_node()
-        executor.shutdown()
-        context.try_shutdown()
+    with observed(EffortCdr(), 1.0 / rate) as observer:
+        observer.spin(seconds)
+    states, commands = observer.states, observer.commands
     # The two topics are not discovered at the same time.
     first = min(commands)
     return _figures(rate, {stamp: t for stamp, t in states.items() if stamp >= first}, commands)
@@ -97,8 +176,56 @@ def _figures(rate: int, states: dict[int, int], commands: dict[int, int]) -> str
     )
 
 
+def law_changes() -> Iterator[str]:
+    """Change the law of TIAGo to each law and back, and yield a line with the latest tick."""
+    values = load_scenario(str(shared_file('config', TIAGO)))['controller']
+    laws = [law.name for law in fitting(mechanism_from(values)) if law.name != values['law']]
+    command = EffortCdr(driven_joint_names(values))
+    with observed(command, values['control_period'], TIAGO, *PATIENT) as observer:
+        client = observer.node.create_client(
+            SetParametersAtomically, 'controller/set_parameters_atomically'
+        )
+        observer.until(client.service_is_ready)
+        observer.until(lambda: observer.law)
+        observer.states.clear()
+        observer.commands.clear()
+        observer.spin(5.0)
+        yield f'{values["law"]:24} 5 s without a change: {_latest(observer)}'
+        for law in laws:
+            observer.states.clear()
+            observer.commands.clear()
+            durations = []
+            for name in (law, values['law']):
+                start = time.monotonic()
+                value = Parameter('law', value=name).to_parameter_msg()
+                client.call_async(SetParametersAtomically.Request(parameters=[value]))
+                observer.until(lambda name=name: observer.law == name, COMPILING)
+                durations.append(time.monotonic() - start)
+                observer.spin(0.3)
+            yield f'{law:24} active after {durations[0]:6.2f} s: {_latest(observer)}'
+
+
+def _latest(observer: Observer) -> str:
+    """Return the longest time from a state to the next command, and the longest interval."""
+    answered = np.array(sorted(observer.commands))
+    sent = np.array([observer.commands[stamp] for stamp in answered])
+    states = np.array(sorted(stamp for stamp in observer.states if stamp <= answered[-1]))
+    # A state that a later one has overtaken waits for the command that answers the later one.
+    at = np.array([observer.states[stamp] for stamp in states])
+    late = 1e-6 * (sent[np.searchsorted(answered, states)] - at)
+    return (
+        f'latest command {late.max():.1f} ms after its state, {np.diff(sent).max() * 1e-6:.1f} ms '
+        f'after the previous one, {np.diff(at).max() * 1e-6:.1f} ms between states; {len(late)} '
+        f'ticks, load {os.getloadavg()[0]:.1f}'
+    )
+
+
 def main() -> None:
-    """Print a line for every rate."""
+    """Print a line for every rate, or for every law."""
+    if sys.argv[1:] == ['laws']:
+        for line in law_changes():
+            print(line, flush=True)
+        return
     seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 30.0
     for rate in RATES:
         print(measure(rate, seconds), flush=True)

@@ -490,6 +490,9 @@ def main() -> None:
     # Standard input comes from the requesting node and is closed when the node ends.
     Thread(target=_end_with_parent, daemon=True).start()
     values = request['values']
+    if hasattr(os, 'sched_setscheduler'):
+        # Otherwise the process has the real-time priority of a node that has one.
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
     if hasattr(os, 'nice'):
         os.nice(_NICE_OF_PREPARATION if values is None else _NICE_OF_REQUEST)
     try:

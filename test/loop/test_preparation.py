@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 import subprocess
+import sys
 
 from masmc_ros.law import registry
 from masmc_ros.law.smc import SMC
@@ -51,6 +52,26 @@ def test_preparation_law_source_changed_is_repeated(
         monkeypatch.setattr(preparation, 'laws', lambda law=law: (law,))
         marks.add(preparation.mark(TWO_LINK))
     assert len(marks) == 2
+
+
+def test_preparation_process_has_no_real_time_priority() -> None:
+    script = (
+        'import os, sys, time\n'
+        'from masmc_ros.loop import preparation\n'
+        'from masmc_ros.robot.two_link.paper_robot import TWO_LINK\n'
+        'try:\n'
+        '    os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))\n'
+        'except OSError:\n'
+        '    sys.exit(77)\n'
+        'process = preparation._started(TWO_LINK, None)\n'
+        'while process.poll() is None and os.sched_getscheduler(process.pid) == os.SCHED_FIFO:\n'
+        '    time.sleep(0.01)\n'
+        'sys.exit(process.poll() is not None)\n'
+    )
+    status = subprocess.run([sys.executable, '-c', script], timeout=TIMEOUT).returncode
+    if status == 77:
+        pytest.skip('no permission for real-time priority')
+    assert status == 0
 
 
 def test_preparation_process_node_exits_ends(

@@ -26,10 +26,12 @@ from helpers.processes import (
 from masmc_ros.cli.main import main
 from masmc_ros.errors import UserError
 from masmc_ros.law.registry import LAWS
+from masmc_ros.loop.preparation import fitting
 from masmc_ros.messages.parameter_record import ParameterRecord, read_record
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.messages.string_message import text_of
 from masmc_ros.params.scenario import load_scenario
+from masmc_ros.robot.mechanisms import mechanism_from
 import pytest
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
@@ -138,7 +140,7 @@ class Watched:
             parameters = self.records[-1].parameters
             return all(parameters[name] == value for name, value in values.items())
 
-        self._tester.until(holds, f'{values}')
+        self._tester.until(holds, f'{values}', COMPILING)
 
     def _on_state(self, raw: bytes) -> None:
         self.states.append(text_of(raw))
@@ -290,6 +292,31 @@ def test_law_change_through_all_laws_each_used(tmp_path: Path) -> None:
             controller.uses(law=law)
             controller.continues(0.1)
         assert max(controller.gaps) < GAP
+
+
+@pytest.mark.slow
+def test_law_change_tree_through_all_laws_commands_continue(tmp_path: Path) -> None:
+    """`python -m benchmarks.real_time laws` prints the latest command after each change."""
+    try:
+        values = load_scenario(str(TIAGO))['controller']
+    except UserError as missing:
+        pytest.skip(str(missing))
+    laws = [law.name for law in fitting(mechanism_from(values))]
+    with running(
+        tmp_path, TIAGO, is_cold=False, controller__runaway_detection='false'
+    ) as controller:
+        active = values['law']
+        controller.uses(law=active)
+        for law in (*laws, *laws):
+            successful, reason = controller.set_parameters(law=law)
+            assert successful
+            if 'compiling' in reason:
+                controller.continues(0.1)
+                assert controller.records[-1].parameters['law'] == active
+            controller.uses(law=law)
+            controller.continues(0.1)
+            active = law
+            assert controller.states[-1] == 'active'
 
 
 @pytest.mark.slow
