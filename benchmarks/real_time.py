@@ -48,7 +48,7 @@ DELAYED = {
 }
 """Parameters of a plant with delays and jitter, each of both of at most 5 ms."""
 
-RATES_DELAYED = (200, 500)
+RATES_DELAYED = (500,)
 
 
 _STARTING = 600.0
