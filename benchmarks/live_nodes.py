@@ -5,13 +5,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 import os
 from pathlib import Path
 import signal
 import subprocess
 import sys
+from types import MappingProxyType
 
 from masmc_ros.cli.endings import child_environment
 from masmc_ros.cli.private_domain import private_domain
@@ -22,9 +23,17 @@ TIMEOUT = 30.0
 
 @contextmanager
 def realtime_nodes(
-    folder: Path, period: float, *nodes: str, file: str = 'paper.yaml', more: Iterable[str] = ()
+    folder: Path,
+    period: float,
+    *nodes: str,
+    file: str = 'paper.yaml',
+    settings: Mapping[str, object] = MappingProxyType({}),
 ) -> Iterator[dict[str, subprocess.Popen[bytes]]]:
-    """Yield the processes of an endless run; this process joins their domain meanwhile."""
+    """
+    Yield the processes of an endless run; this process joins their domain meanwhile.
+
+    `settings` are parameters of the file in config/ by names like `plant.friction`.
+    """
     wait_for = ', '.join(node for node in nodes if node != 'plant')
     arguments = ['--ros-args', '--params-file', str(shared_file('config', file))]
     for setting in (
@@ -33,7 +42,7 @@ def realtime_nodes(
         f'control_period:={period}',
         f'plant:wait_for:=[{wait_for}]',
         f'recorder:output:={folder / "run.mcap"}',
-        *more,
+        *(f'{name.replace(".", ":", 1)}:={value}' for name, value in settings.items()),
     ):
         arguments += ['-p', setting]
     with private_domain() as domain:

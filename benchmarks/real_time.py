@@ -9,25 +9,33 @@ back, and prints the latest command of each pair of changes; `chrt -f 50` keeps 
 
 All times are those at which the middleware sent the messages. Delays of the observer have no
 effect.
+
+`python -m benchmarks.real_time delayed [SECONDS]` runs a plant whose states and commands are up to
+10 ms late in total, on a busy machine, and compares its error with the simulated one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 import os
 from pathlib import Path
+import subprocess
 import sys
 import tempfile
 import time
+from types import MappingProxyType
 from typing import Any
 
 from benchmarks.live_nodes import end, realtime_nodes
+import masmc_ros as masmc
+from masmc_ros.log.read.reader import read_run
 from masmc_ros.loop.preparation import fitting
 from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.parameter_record import read_record
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.nodes.middleware.qos import subscription_qos
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.joint_names import driven_joint_names
 from masmc_ros.robot.mechanisms import mechanism_from
@@ -47,15 +55,28 @@ NODES = ('trajectory', 'controller', 'plant')
 RATES = (500, 1000)
 TIAGO = 'tiago.yaml'
 
-PATIENT = (
-    'controller:state_timeout:=10.0',
-    'controller:runaway_detection:=false',
-    'plant:command_timeout:=10.0',
-)
+PATIENT = {
+    'controller.state_timeout': 10.0,
+    'controller.runaway_detection': 'false',
+    'plant.command_timeout': 10.0,
+}
 """Settings with which late ticks on a busy machine do not end the run."""
 
 COMPILING = 900.0
-"""Maximum time in s until a law without compiled code is active on a busy machine."""
+"""Maximum time in s for compiling on a busy machine."""
+
+DELAYED = {
+    'plant.measurement_delay': 0.003,
+    'plant.command_delay': 0.003,
+    'plant.delay_jitter': 0.67,
+    'controller.law': 'smc',
+    'controller.switching': 'implicit',
+    'controller.latency': 0.006,
+}
+"""Parameters of a plant with delays and jitter, each of both of at most 5 ms."""
+
+RATE_DELAYED = 500
+"""Rate of that run in 1/s."""
 
 
 class Observer:
@@ -131,12 +152,15 @@ class Observer:
 
 @contextmanager
 def observed(
-    command: EffortCdr, period: float, file: str = 'paper.yaml', *more: str
+    command: EffortCdr,
+    period: float,
+    file: str = 'paper.yaml',
+    settings: Mapping[str, object] = MappingProxyType({}),
 ) -> Iterator[Observer]:
     """Yield the observer of an endless run in real time, from its first command on."""
     with (
         tempfile.TemporaryDirectory() as folder,
-        realtime_nodes(Path(folder), period, *NODES, file=file, more=more) as processes,
+        realtime_nodes(Path(folder), period, *NODES, file=file, settings=settings) as processes,
     ):
         context = Context()
         rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
@@ -181,7 +205,7 @@ def law_changes() -> Iterator[str]:
     values = load_scenario(str(shared_file('config', TIAGO)))['controller']
     laws = [law.name for law in fitting(mechanism_from(values)) if law.name != values['law']]
     command = EffortCdr(driven_joint_names(values))
-    with observed(command, values['control_period'], TIAGO, *PATIENT) as observer:
+    with observed(command, values['control_period'], TIAGO, PATIENT) as observer:
         client = observer.node.create_client(
             SetParametersAtomically, 'controller/set_parameters_atomically'
         )
@@ -220,15 +244,49 @@ def _latest(observer: Observer) -> str:
     )
 
 
+def measure_delayed(rate: int, seconds: float) -> str:
+    """Run a delayed plant on a busy machine and return a line with its error and the simulated."""
+    lasts = {f'{node}.duration': seconds for node in NODES}
+    busy = [subprocess.Popen([sys.executable, '-c', 'while True: pass']) for _ in range(2)]
+    try:
+        with (
+            tempfile.TemporaryDirectory() as folder,
+            realtime_nodes(
+                Path(folder), 1.0 / rate, *NODES, 'recorder', settings={**DELAYED, **lasts}
+            ) as processes,
+        ):
+            processes['plant'].wait(2.0 * seconds + COMPILING)
+            end(processes)
+            live = read_run(Path(folder) / 'run.mcap').telemetry['error'].values
+    finally:
+        for process in busy:
+            process.kill()
+            process.wait()
+    period = {'control_period': 1.0 / rate, 'duration': seconds}
+    errors = [_rms(e) for e in (masmc.simulate('paper', DELAYED, **period).error, live)]
+    return (
+        f'{rate:5d} Hz, {seconds:g} s, load {os.getloadavg()[0]:.1f}: E RMS simulated '
+        f'{errors[0]:.3f} mm, in real time {errors[1]:.3f} mm, ratio {errors[1] / errors[0]:.2f}'
+    )
+
+
+def _rms(error: Array) -> float:
+    """Return the RMS error of E over the second half of a run in mm, of the errors (n, 4) in m."""
+    return 1e3 * float(np.sqrt((error[len(error) // 2:, :2] ** 2).sum(axis=1).mean()))
+
+
 def main() -> None:
     """Print a line for every rate, or for every law."""
-    if sys.argv[1:] == ['laws']:
-        for line in law_changes():
-            print(line, flush=True)
-        return
-    seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 30.0
-    for rate in RATES:
-        print(measure(rate, seconds), flush=True)
+    kind = next((word for word in sys.argv[1:] if word in ('laws', 'delayed')), '')
+    numbers = [float(word) for word in sys.argv[1:] if word != kind]
+    if kind == 'laws':
+        lines = law_changes()
+    elif kind == 'delayed':
+        lines = iter([measure_delayed(RATE_DELAYED, *(numbers or [60.0]))])
+    else:
+        lines = (measure(rate, *(numbers or [30.0])) for rate in RATES)
+    for line in lines:
+        print(line, flush=True)
 
 
 if __name__ == '__main__':

@@ -143,7 +143,7 @@ def _control(settings: Settings, memory: Memory, signals: Signals) -> None:
         state.position_rates,
         state.desired,
         memory.drift,
-        memory.velocity_command,
+        delay_compensation.base_command(settings, memory),
     )
     signals.estimate = memory.estimate
     raw = law.torque(settings, tick, memory)

@@ -13,7 +13,7 @@ import math
 from pathlib import Path
 
 from masmc_ros.errors import InputError
-from masmc_ros.law.command_interface import by_velocity, is_hybrid, takes_rates
+from masmc_ros.law.command_interface import by_velocity, takes_rates
 from masmc_ros.law.declared import declared_for
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts import delay_compensation

@@ -13,8 +13,8 @@ reference and its regressor are evaluated. d is an acceleration of the mechanism
 
 and the torque of any law is reduced by H (d + (L / T + 1) delta). docs/theory/latency.md derives
 the gains. A base that follows velocities is
-predicted by its lag (`moving_base`); d is then one of the arm. Without latency the compiled code
-contains none of this: `COMPENSATIONS` selects it.
+predicted by its lag (`moving_base`). Without latency the compiled code contains none of this:
+`COMPENSATIONS` selects it.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from masmc_ros.numerics.scalars import minus, moved, plus, zero
 from masmc_ros.numerics.tuples import dot, elementwise, head, joined, tail
 from masmc_ros.params.declaration import Parameter, Values
 from masmc_ros.robot import mechanism
-from masmc_ros.robot.formula_types import Lengths, MechanismPosture
+from masmc_ros.robot.formula_types import MechanismPosture
 
 OFF, ON = '', 'delay'
 """Tags of records without and with compensation."""
@@ -473,7 +473,6 @@ def _follow_state(
             gain = gain - slope_gain
         else:
             f = mechanism.motion(model, elementwise(_rate, rates, expected, elapsed))
-        f = moving_base.by_torque(settings, f)
         slope = elementwise(moved, memory.acceleration_slope, f, slope_gain)
         d = elementwise(_followed, memory.acceleration, slope, f, gain)
         a = mechanism.motion(model, elementwise(_rate, expected, rates_before, elapsed))
@@ -540,6 +539,17 @@ def _predicted_state(
 
 
 @formula
+def _last_command(settings: Settings, memory: Memory) -> Numbers:
+    return memory.velocity_command
+
+
+@formula
+def _explaining_command(settings: CompensationSettings, memory: CompensationMemory) -> Numbers:
+    d = memory.acceleration
+    return moving_base.equivalent_command(settings, memory.velocity_command, d)
+
+
+@formula
 def _reduced_torque(
     settings: CompensationSettings,
     memory: CompensationMemory,
@@ -588,7 +598,7 @@ def _measured_gradient(
     model, theta = tick.model, memory.estimate
     posture = mechanism.posture(model, memory.measured_position)
     v = mechanism.motion(model, memory.measured_rates)
-    d = memory.acceleration
+    d = moving_base.by_torque(settings, memory.acceleration)
     y = mechanism.regressor(model, posture, v, v, memory.measured_acceleration)
     w = elementwise(_times, d, ADAPTATION_TIME)
     along = mechanism.regressor_transpose_times(model, y, w, tick.nominal)
@@ -611,6 +621,7 @@ def _measured_gradient(
 COMPENSATIONS = {
     OFF: SimpleNamespace(
         state_of_torque=_same_state,
+        base_command=_last_command,
         reduced_torque=_same_torque,
         error=_error_of_law,
         gradient=_tracking_gradient,
@@ -619,6 +630,7 @@ COMPENSATIONS = {
     ),
     ON: SimpleNamespace(
         state_of_torque=_predicted_state,
+        base_command=_explaining_command,
         reduced_torque=_reduced_torque,
         error=_measured_error,
         gradient=_measured_gradient,
@@ -646,6 +658,15 @@ def state_of_torque(settings: Settings, memory: Memory, state: State) -> State:
     state
         Measured state, and reference of its stamp.
 
+    """
+
+
+@_dispatch
+def base_command(settings: Settings, memory: Memory) -> Numbers:
+    """
+    Return the commanded velocities (joints) by which a base with a lag moves.
+
+    They are those of the last tick. With compensation they include the effect of d.
     """
 
 

@@ -15,7 +15,8 @@ by damped least squares if J_a cannot be inverted. Laws then use c' and its deri
 the reference motion. They request torques of the arm: those of the base are zero.
 
 The compensation of latency predicts this robot as well: b by its lag from the commanded
-velocities, and the arm by its torques and the acceleration of the base.
+velocities, and the arm by its torques and the acceleration of the base. It estimates what the lag
+does not explain of b', and a' includes it.
 """
 
 from __future__ import annotations
@@ -256,17 +257,33 @@ def _command_of_torques(settings: Settings, memory: Memory, torque: Numbers) -> 
 
 @formula
 def _mean_acceleration(command: float, rate: float, decay: float, h: float) -> float:
-    """Return the mean acceleration of a first-order lag over a step of h seconds."""
+    """Return the mean acceleration of a first-order lag over a step of h s; 0 for a decay of 1."""
     return (lagging(command, rate, decay, 1) - rate) / h
 
 
 @formula
 def _inputs_of_both(settings: Settings, rates: Numbers, command: Numbers, h: float) -> Numbers:
     model, lag = mechanism.model_of(settings), settings.base_lag
-    decay = exp(-h / lag) if lag > 0.0 else 0.0
+    decay = exp(-h / lag) if lag > 0.0 else 1.0
     before = mechanism.rate_command(model, mechanism.motion(model, rates))
     acceleration = elementwise(_mean_acceleration, command, before, decay, h)
     return elementwise(selected, settings.by_velocity, acceleration, command)
+
+
+@formula
+def _equivalent_velocity(command: float, acceleration: float, lag: float) -> float:
+    return command + lag * acceleration
+
+
+@formula
+def _equivalent_of_both(settings: Settings, command: Numbers, d: Numbers) -> Numbers:
+    d = mechanism.rate_command(mechanism.model_of(settings), d)
+    return elementwise(_equivalent_velocity, command, d, settings.base_lag)
+
+
+@formula
+def _equivalent_of_torques(settings: Settings, command: Numbers, d: Numbers) -> Numbers:
+    return command
 
 
 @formula
@@ -367,6 +384,7 @@ _FORMULAS = {
         commanded_torque=_torque_of_all,
         restrict_drift=_drift_of_all,
         command=_command_of_torques,
+        equivalent_command=_equivalent_of_torques,
         inputs_of_step=_inputs_of_torques,
         accelerations=_accelerations_of_torques,
         by_torque=_arm_and_base,
@@ -378,6 +396,7 @@ _FORMULAS = {
         commanded_torque=_torque_of_others,
         restrict_drift=_drift_by_torque,
         command=_command_of_both,
+        equivalent_command=_equivalent_of_both,
         inputs_of_step=_inputs_of_both,
         accelerations=_accelerations_of_both,
         by_torque=_arm_only,
@@ -479,9 +498,28 @@ def command(settings: Settings, memory: Memory, torque: Numbers) -> Numbers:
 
 
 @_dispatch
+def equivalent_command(settings: Settings, command: Numbers, d: Numbers) -> Numbers:
+    """
+    Return the commanded velocities (joints) that explain d of the base as well, by its lag.
+
+    Parameters
+    ----------
+    settings
+        Settings of the law.
+    command
+        Commanded velocities (joints), in the coordinates of commands.
+    d
+        Accelerations (joints) of the mechanism that the model does not explain.
+
+    """
+
+
+@_dispatch
 def inputs_of_step(settings: Settings, rates: Numbers, command: Numbers, h: float) -> Numbers:
     """
     Return the inputs (joints) of `accelerations` in a step: b' of the base, and torques.
+
+    Without a lag commands do not explain b', which is zero.
 
     Parameters
     ----------
