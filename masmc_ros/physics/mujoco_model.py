@@ -196,11 +196,10 @@ def contact_model(
         raise InputError(f'plant.physics = mujoco: {error}') from error
     return ContactModel(
         model,
-        *(
-            np.array([getattr(model.joint(name), address)[0] for name in joints])
-            for joints in (names, rotors)
-            for address in ('qposadr', 'dofadr')
-        ),
+        _addresses(model, names, 'qposadr'),
+        _addresses(model, names, 'dofadr'),
+        _addresses(model, rotors, 'qposadr'),
+        _addresses(model, rotors, 'dofadr'),
         forces,
         np.array([model.joint(wheel.name).dofadr[0] for wheel in wheels]),
         np.array([model.geom(wheel.name).id for wheel in wheels]),
@@ -209,6 +208,11 @@ def contact_model(
         has_rollers,
         -ground,
     )
+
+
+def _addresses(model: mujoco.MjModel, joints: Sequence[str], kind: str) -> Array:
+    """Return the places of joints in the positions or velocities of MuJoCo."""
+    return np.array([getattr(model.joint(name), kind)[0] for name in joints])
 
 
 class _Wheel(NamedTuple):
