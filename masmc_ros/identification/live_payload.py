@@ -53,8 +53,8 @@ _ROUNDS = 3
 _FEWEST_BLOCKS = 3
 """Blocks with which an estimate is possible."""
 
-_CHANGED = 4.0
-"""Standard errors by which the masses before and after a change differ."""
+_CONTRADICTION = 0.5
+"""Ratio of the errors of the fewest blocks and of all blocks below which the load has changed."""
 
 _EXPLAINED = 0.9
 """Share of the unexplained squared torques that a payload explains if it is reported."""
@@ -120,9 +120,9 @@ class PayloadEstimate(NamedTuple):
         return self.explained > _EXPLAINED and load.mass > max(3.0 * load.mass_error, _LIGHTEST)
 
     @property
-    def is_determined(self) -> NDArray[np.bool_]:
-        """Return (3) True for the coordinates of the centre of mass that the motion determines."""
-        return self.load.centre_error < _DETERMINED
+    def centre(self) -> Array:
+        """Return the centre of mass (3) in m, NaN for coordinates that are not determined."""
+        return np.where(self.load.centre_error < _DETERMINED, self.load.centre, np.nan)
 
 
 class BlockBuffer:
@@ -137,10 +137,6 @@ class BlockBuffer:
         self._columns = [slice(0, parts[0]), slice(parts[0], parts[1]), slice(parts[1], None)]
         self._longest = round(1e9 * _LONGEST_GAP * period)
         self._count = self._last = 0
-
-    def restart(self) -> None:
-        """Discard the samples, because the next one does not follow them."""
-        self._count = 0
 
     def add(self, stamp: int, position: Array, rates: Array, torque: Array) -> Block | None:
         """
@@ -165,7 +161,7 @@ class BlockBuffer:
         if self._count < len(self._stamps):
             return None
         self._count = 0
-        times = 1e-9 * (self._stamps - self._stamps[0])
+        times = np.asarray(1e-9 * (self._stamps - self._stamps[0]), np.float64)
         numbers = self._numbers.copy()
         return Block(times, *(numbers[:, column] for column in self._columns))
 
@@ -174,7 +170,12 @@ class PayloadEstimator:
     """Estimator of a payload from the blocks of a limited time."""
 
     def __init__(
-        self, robot: Robot, theta: Array, friction: Array, has_torque: NDArray[np.bool_], span: float
+        self,
+        robot: Robot,
+        theta: Array,
+        friction: Array,
+        has_torque: NDArray[np.bool_],
+        span: float,
     ) -> None:
         """
         Initialise the estimator without a block, and compile its kernel.
@@ -204,7 +205,7 @@ class PayloadEstimator:
         self._tip = robot.tip_on_link
         self._blocks: deque[_Products] = deque(maxlen=max(_FEWEST_BLOCKS, round(span / BLOCK)))
         sizes = robot.mechanism.sizes
-        times, joints = np.arange(101) * _SPACING, np.zeros((101, sizes['joints']))
+        times, joints = np.linspace(0.0, BLOCK, 101), np.zeros((101, sizes['joints']))
         self.add(Block(times, np.zeros((101, sizes['positions'])), joints, joints), 0.0)
         self.restart()
 
@@ -259,32 +260,81 @@ class PayloadEstimator:
         self._blocks.append(_Products(np.einsum('wja,wjb->jab', rows, rows), len(rows)))
 
     def estimate(self) -> PayloadEstimate | None:
-        """Return the payload; None with too few blocks since the start or a change of the load."""
+        """Return the payload, and forget blocks of another load; None with too few blocks."""
         blocks = list(self._blocks)
         if len(blocks) < _FEWEST_BLOCKS:
             return None
-        if len(blocks) >= 2 * _FEWEST_BLOCKS:
-            recent, earlier = (
-                self._estimate_of(part).load
-                for part in (blocks[-_FEWEST_BLOCKS:], blocks[:-_FEWEST_BLOCKS])
-            )
-            error = np.hypot(recent.mass_error, earlier.mass_error)
-            if abs(recent.mass - earlier.mass) > max(_CHANGED * error, _LIGHTEST):
-                # The robot picked up or put down a load, in one of the recent blocks.
-                self.restart()
-                return None
-        return self._estimate_of(blocks)
+        estimate = self._estimate_of(blocks)
+        if len(blocks) > _FEWEST_BLOCKS:
+            recent = self._estimate_of(blocks[-_FEWEST_BLOCKS:])
+            # More data of the same load would have a smaller error.
+            if recent.load.mass_error < _CONTRADICTION * estimate.load.mass_error:
+                del blocks[:-_FEWEST_BLOCKS]
+                self._blocks.clear()
+                self._blocks.extend(blocks)
+                return recent
+        return estimate
 
     def _estimate_of(self, blocks: Sequence[_Products]) -> PayloadEstimate:
         products = np.array([block.products for block in blocks])
-        return _estimate(products, sum(block.count for block in blocks), self._tip)
+        return _estimate(products, sum(block.windows for block in blocks), self._tip)
+
+
+def described(
+    estimate: PayloadEstimate | None, announced: float, *, tip: str, node: str
+) -> str:
+    """
+    Return the payload as text.
+
+    Parameters
+    ----------
+    estimate
+        Payload; None if it is not known yet.
+    announced
+        Mass in kg that is announced to the controller.
+    tip, node
+        Names of the frame of the tip and of the controller.
+
+    """
+    if estimate is None:
+        return f'not known yet; expected {_FEWEST_BLOCKS} s of control'
+    load, centre = estimate.load, estimate.centre
+    mass = f'{round(load.mass, 3) + 0.0:.3f} ± {load.mass_error:.3f} kg'
+    differs = abs(load.mass - announced) > max(3.0 * load.mass_error, _LIGHTEST)
+    if not estimate.is_significant:
+        if load.mass > max(3.0 * load.mass_error, _LIGHTEST):
+            share = 100.0 * estimate.explained
+            return (
+                f'not determined: {mass} would explain {share:.0f} % of the torques that the '
+                f'model does not, expected at least {100.0 * _EXPLAINED:.0f} %'
+            )
+        remedy = f'; announce it with: ros2 param set {node} payload.mass 0.0'
+        return f'none: {mass}' + remedy * (announced > 0.0 and differs)
+    places, errors = _numbers(centre, centre), _numbers(load.centre_error, centre)
+    text = f'{mass} at ({places}) ± ({errors}) m of {tip}'
+    if np.isnan(centre).any():
+        text += '; the motion does not determine the coordinates ?'
+    if not differs:
+        return f'{text}; announced'
+    return (
+        f'{text}; announced {announced:g} kg; announce it with: ros2 param set {node} '
+        f'payload.com "[{_numbers(np.nan_to_num(centre))}]"; ros2 param set {node} '
+        f'payload.mass {load.mass:.3f}'
+    )
+
+
+def _numbers(numbers: Array, known: Array | None = None) -> str:
+    """Return numbers (3) in m, with ? for those that are not known."""
+    missing = np.isnan(numbers if known is None else known)
+    texts = [f'{number:.3f}' for number in np.round(numbers, 3) + 0.0]
+    return ', '.join('?' if no else text for no, text in zip(missing, texts, strict=True))
 
 
 class _Products(NamedTuple):
     """Sums of products (n, c, c) of the columns of the joints over the windows of a block."""
 
     products: Array
-    count: int
+    windows: int
 
 
 def _estimate(blocks: Array, count: int, tip: tuple[Array, Array]) -> PayloadEstimate:
@@ -317,8 +367,8 @@ def _estimate(blocks: Array, count: int, tip: tuple[Array, Array]) -> PayloadEst
     before = summed[_MISSING, _MISSING] - alone
     # Errors of the model are the same in neighbouring windows, and differ between blocks.
     slopes = np.einsum('kjab,jb->kja', blocks / deviation_before[:, None, None] ** 2, factors)
-    slopes[:, :, :shared] -= np.einsum('jfa,kjf->kja', reduced[:, :, :shared], slopes[:, :, _FRICTION])
-    scores = slopes[:, :, :shared].sum(axis=1)
+    own_slopes = np.einsum('jfa,kjf->ka', reduced[:, :, :shared], slopes[:, :, _FRICTION])
+    scores = slopes[:, :, :shared].sum(axis=1) - own_slopes
     inverse = np.linalg.inv(matrix)
     spread = scores @ inverse * np.sqrt(len(blocks) / (len(blocks) - 1.0))
     covariance = inverse + spread.T @ spread
