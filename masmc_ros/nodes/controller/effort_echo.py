@@ -15,7 +15,6 @@ from masmc_ros.identification.effort_echo import (
 from masmc_ros.identification.timing import Timing
 from masmc_ros.loop.controller import Controller
 from masmc_ros.nodes.controller.background import Background
-from masmc_ros.nodes.controller.state_input import StateInput
 from masmc_ros.numerics.aliases import Array
 
 
@@ -33,11 +32,15 @@ class EffortEcho:
         self._timing: Timing | None = None
         compile_echo()
 
-    def add(self, stamp: int, states: StateInput) -> None:
-        """Add the answer to the last one of the states, with its stamp in ns."""
+    def watch(self, effort: Array) -> None:
+        """Set the array of the efforts in the last state, which has the driven joints last."""
+        self._effort = effort[-self._joints:]
+
+    def add(self, stamp: int) -> None:
+        """Add the answer to the last state, with its stamp in ns."""
         if self._buffer is None:
             return
-        part = self._buffer.add(stamp, states.effort[-self._joints:], self._torque)
+        part = self._buffer.add(stamp, self._effort, self._torque)
         if part is not None:
             self._background.call(lambda: self._compare(*part))
 

@@ -173,6 +173,7 @@ class ControllerNode(SuiteNode):
             self._on_state,
             lambda: self._perform(core.on_jump()),
         )
+        self._echo.watch(self._states.effort)
         core.missing_source = lambda: self._states.missing
         self.wait('the plant (joint_states)')
 
@@ -352,7 +353,7 @@ class ControllerNode(SuiteNode):
         self._output.send(action.stamp)
         self._health.add_tick(self._controller)
         self._health.add_response(action.stamp, self._core.arrival)
-        self._echo.add(action.stamp, self._states)
+        self._echo.add(action.stamp)
         if self._payload is not None:
             self._payload.add(action.stamp)
 

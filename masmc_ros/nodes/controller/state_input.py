@@ -115,7 +115,7 @@ class StateInput:
 
     @property
     def effort(self) -> Array:
-        """Return the efforts in the last state, zero if they are missing; driven joints last."""
+        """Return the array of the efforts in the last state, with the driven joints last."""
         return self._state.effort
 
     def _take(self, raw: bytes) -> None:
