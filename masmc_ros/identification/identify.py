@@ -20,6 +20,7 @@ from typing import NamedTuple
 
 from masmc_ros.errors import InputError
 from masmc_ros.identification.consistency import nearest_consistent, Scale, scaled
+from masmc_ros.identification.load import COULOMB_SHARE
 from masmc_ros.identification.regressor import averaged, Equations, FRICTIONS
 from masmc_ros.identification.samples import Samples
 from masmc_ros.identification.timing import fit_timing, LARGEST, Timing
@@ -43,9 +44,6 @@ EXCITED = 0.1
 
 _FEWEST_WINDOWS = 40
 """Windows with which an identification is possible."""
-
-_COULOMB_SHARE = 0.1
-"""Expected Coulomb friction, as a part of the RMS torque of the joint."""
 
 
 class Nominal(NamedTuple):
@@ -169,7 +167,7 @@ def identify(nominal: Nominal, run: Measured) -> Identified:
     size = np.sqrt(np.mean((torque - np.mean(torque, axis=0)) ** 2, axis=0))
     speed = np.sqrt(np.mean(run.samples.rates**2, axis=0)) + 1.0e-3
     size = np.maximum(size, 1.0e-6 * size.max() + 1.0e-9)
-    friction_scale = np.concatenate([size / speed, _COULOMB_SHARE * size])
+    friction_scale = np.concatenate([size / speed, COULOMB_SHARE * size])
     friction_scale = np.maximum(friction_scale, nominal.friction)
     scale = scaled(nominal.robot, nominal.theta, nominal.friction, friction_scale)
     prior = scale.prior()

@@ -14,20 +14,15 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from masmc_ros.identification.identify import Identified, Measured, Nominal, relative_error
+from masmc_ros.identification.load import EXPECTED_MOMENTS, load_of
 from masmc_ros.numerics.aliases import Array
 import numpy as np
-
-_HEAVIEST = 20.0
-"""Expected size of a mass in kg."""
 
 _LIGHTEST = 1.0e-3
 """Smallest mass in kg that is reported."""
 
 _UNEXPLAINED = 0.03
 """Relative torque from which other parameters than those of the payload differ, too."""
-
-_FARTHEST = 0.3
-"""Expected distance of its centre of mass from the frame of the link, in m."""
 
 
 class Payload(NamedTuple):
@@ -80,7 +75,7 @@ def payload_of(
     before = np.concatenate([nominal.theta, nominal.friction])
     change = np.zeros((len(before), factors.shape[1]))
     change[:len(nominal.theta)] = factors
-    expected = np.array([_HEAVIEST] + [_HEAVIEST * _FARTHEST] * 3 + [_HEAVIEST * _FARTHEST**2] * 6)
+    expected = EXPECTED_MOMENTS
     timing = identified.timing
     torque = run.torque(timing.latency.value, timing.lag.value)
     missing = torque - run.predicted(before)
@@ -102,13 +97,5 @@ def payload_of(
     covariance = inverse @ inverse.T * excess
     moments = solution[:size] * expected
     covariance *= np.outer(expected, expected)
-    mass, centre = float(moments[0]), moments[1:4] / moments[0]
-    slopes = np.zeros((3, size))
-    slopes[:, 0], slopes[:, 1:4] = -centre / mass, np.eye(3) / mass
-    return Payload(
-        mass,
-        float(np.sqrt(covariance[0, 0])),
-        centre,
-        np.sqrt(np.diag(slopes @ covariance @ slopes.T)),
-        relative_error(torque, torque - remaining),
-    )
+    load = load_of(moments, covariance)
+    return Payload(*load, relative_error(torque, torque - remaining))

@@ -94,7 +94,7 @@ def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
         Parameter(
             'payload.time',
             0.0,
-            'Time at which the tip picks it up, rounded to control periods, with MuJoCo',
+            'Time at which the tip picks it up, rounded to control periods',
             unit='s',
             minimum=0.0,
         ),
@@ -284,6 +284,8 @@ class SimulatedRobot:
         with commanded rates, the mean torque of the drives.
     by_velocity
         True for the entries (joints) of a command that are velocities.
+    pick_up
+        Tick from which the robot has the payload; 0: from the start, or without one.
 
     """
 
@@ -307,7 +309,12 @@ class SimulatedRobot:
         self.period = period
         self.robot, self.mechanism = robot, robot.mechanism
         self.settings = records.plant_settings(self.mechanism, has_effects=has_effects(values))
-        write_plant(self.settings, robot, period, values)
+        later = values['physics'] == RIGID and values['payload.mass'] > 0.0
+        self.pick_up = round(values['payload.time'] / period) if later else 0
+        loaded = {**values, 'payload.time': 0.0} if later else values
+        without = {**values, 'payload.mass': 0.0}
+        write_plant(self.settings, robot, period, without if self.pick_up else loaded)
+        self._theta = robot.theta, _true_theta(robot, loaded)
         self.memory = records.plant_memory(self.mechanism)
         self.signals = records.signals(self.mechanism)
         self.delayed = delay_line(self.settings, self.mechanism)
@@ -339,6 +346,8 @@ class SimulatedRobot:
     def reset(self) -> None:
         """Return to the initial state at t = 0; raise InputError if it is not finite."""
         self.tick = 0
+        if self.pick_up:
+            fill(self.settings, 'theta', self._theta[0])
         self.applied[:] = 0.0
         write_start(self.memory, self.robot, self._values)
         if not plant_start(self.settings, self.memory, self.delayed, self.signals):
@@ -349,6 +358,10 @@ class SimulatedRobot:
         for command in (np.zeros(len(self.mechanism.joints)), None):
             self.advance(command)
         self.reset()
+
+    def take_payload(self) -> None:
+        """Add the payload to the parameters of the robot; to be called at the tick `pick_up`."""
+        fill(self.settings, 'theta', self._theta[1])
 
     def _take(self, command: NDArray[np.float64]) -> None:
         for signal, entries in self._commands:
@@ -363,6 +376,8 @@ class SimulatedRobot:
         consists of the base velocities and the torques of these joints. Raises InputError if the
         new state is not finite.
         """
+        if self.pick_up and self.tick == self.pick_up:
+            self.take_payload()
         moved = self.settings, self.memory, self.delayed, self.tick, self.signals
         if command is None:
             self._hold = self._hold or bound(plant_hold, *moved)
@@ -493,8 +508,8 @@ def _true_theta(robot: Robot, values: Values) -> NDArray[np.float64]:
         return robot.theta
     if values['payload.time'] > 0.0:
         raise InputError(
-            f'plant.payload.time = {values["payload.time"]:g}: expected 0 with plant.physics '
-            f'{RIGID}; mujoco has later times'
+            f'plant.payload.time = {values["payload.time"]:g}: expected 0 for runs in one batch; '
+            'nodes and masmc simulate have later times'
         )
     return robot.theta_with_payload(mass, np.zeros(3), np.zeros(6))
 

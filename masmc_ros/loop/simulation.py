@@ -100,13 +100,17 @@ class Simulation:
         """Compute ticks, and apply the changes at them."""
         end = first + len(reference)
         changes = tuple(change for change in self._changes if first <= change.tick < end)
-        edges = sorted({first, end, *(change.tick for change in changes)})
+        pick_up = self.plant.pick_up
+        edges = {first, end, *(change.tick for change in changes)}
+        edges |= {pick_up} if first < pick_up < end else set()
         # All entries are written. Zeroed memory comes from the system page by page, which is slow.
         signals = uninitialised(len(reference), self.plant.signals)
         active, is_void = np.zeros((2, len(reference)), bool)
         is_finite = True
         contact = np.zeros((len(reference), len(self.plant.contact)))
-        for start, stop in pairwise(edges):
+        for start, stop in pairwise(sorted(edges)):
+            if pick_up and start == pick_up:
+                self.plant.take_payload()
             for change in changes:
                 if change.tick == start:
                     self._make(change)

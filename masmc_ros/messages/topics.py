@@ -17,6 +17,7 @@ from masmc_ros.messages.names import (
     CONTACT_TOPIC,
     DESCRIPTION_TOPIC,
     DESIRED_PATH_TOPIC,
+    PAYLOAD_TOPIC,
     REFERENCE_TOPIC,
     STATE_TOPIC,
     TELEMETRY,
@@ -27,6 +28,7 @@ from masmc_ros.robot.mechanisms import DEFAULT
 FLOAT_ARRAY = 'std_msgs/msg/Float64MultiArray'
 ODOMETRY = 'nav_msgs/msg/Odometry'
 PATH = 'nav_msgs/msg/Path'
+INERTIA_STAMPED = 'geometry_msgs/msg/InertiaStamped'
 TWIST = 'geometry_msgs/msg/Twist'
 TWIST_STAMPED = 'geometry_msgs/msg/TwistStamped'
 PARAMETER_NODES = ('plant', 'trajectory', 'controller')
@@ -156,6 +158,15 @@ TOPICS = (
             is_latched=False,
         )
         for signal in PUBLISHED
+    ),
+    Topic(
+        PAYLOAD_TOPIC,
+        INERTIA_STAMPED,
+        'controller →',
+        'with `payload.estimation_time`: mass and centre of mass of a significant payload, once a '
+        'second; NaN for undetermined coordinates and for the moments of inertia',
+        is_latched=False,
+        turns_up=True,
     ),
     *(
         Topic(

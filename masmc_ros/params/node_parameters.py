@@ -115,6 +115,11 @@ _TRAJECTORY_NODE = (
 )
 
 
+def _is_estimation_time(value: float) -> bool:
+    """Return True for 0, which disables the estimate, and for a time with enough blocks."""
+    return value == 0.0 or value >= 3.0
+
+
 def _controller_node(mechanism: Mechanism) -> tuple[Parameter, ...]:
     return (
         Parameter(
@@ -129,6 +134,12 @@ def _controller_node(mechanism: Mechanism) -> tuple[Parameter, ...]:
         ),
         FAULT_ACTION,
         RUNAWAY_DETECTION,
+        Parameter(
+            'payload.estimation_time', 0.0,
+            'Time of control from which a payload is estimated, in whole seconds; 0: no estimate',
+            unit='s', minimum=0.0, maximum=600.0, rule=_is_estimation_time,
+            rule_text='0, or a number in [3, 600]',
+        ),
         Parameter(
             'pose_source', 'joint_states',
             "Source of the platform's pose: the joints base_..._joint of joint_states, or odom",

@@ -82,6 +82,12 @@ class Robot:
         factors: Array = self._of_payload('payload_factors')
         return factors
 
+    @property
+    def tip_on_link(self) -> tuple[Array, Array]:
+        """Return rotation (3, 3) and origin (3) in m of the tip's frame in that of its link."""
+        rotation, origin = self._of_payload('tip_on_link')
+        return rotation, origin
+
     def theta_with_payload(self, mass: float, centre: Array, inertia: Array) -> Array:
         """
         Return the base inertial parameters (parameters) with a payload at the tip.
@@ -102,7 +108,7 @@ class Robot:
             If the type of robot has no description of payloads.
 
         """
-        rotation, origin = self._of_payload('tip_on_link')
+        rotation, origin = self.tip_on_link
         place = origin + rotation @ centre
         second = rotation @ second_moments(inertia) @ rotation.T + mass * np.outer(place, place)
         moments = [mass, *(mass * place), *second[[0, 1, 2, 0, 1, 2], [0, 1, 2, 1, 2, 0]]]

@@ -272,11 +272,6 @@ def test_side_by_side_contact_physics_raises() -> None:
         BatchSimulation([run])
 
 
-def test_rigid_plant_with_later_payload_raises() -> None:
-    with pytest.raises(InputError, match=r'payload.time = 1: expected 0 with plant.physics rigid'):
-        plant('plant.payload.mass=1.0', 'plant.payload.time=1.0', physics='rigid')
-
-
 def test_contact_simulation_without_mujoco_prints_one_line(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

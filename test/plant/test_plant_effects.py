@@ -146,6 +146,48 @@ def test_command_delay_after_void_command_starts_again() -> None:
     np.testing.assert_array_equal(torques, np.full((2, 4), 0.5))
 
 
+# Payload.
+
+
+def test_later_payload_changes_robot_from_its_tick_on() -> None:
+    mass = 'plant.payload.mass=0.5'
+    without, later, loaded = (
+        planar(*settings) for settings in ((), (mass, 'plant.payload.time=0.003'), (mass,))
+    )
+    for _ in range(2):
+        command = np.ones(4)
+        for tick in range(5):
+            np.testing.assert_array_equal(later.position, without.position)
+            is_loaded = tick >= 3
+            theta = (loaded if is_loaded else without).settings['theta']
+            for plant in (without, later):
+                plant.advance(command)
+            np.testing.assert_array_equal(later.settings['theta'], theta)
+            assert (later.velocity == without.velocity).all() != is_loaded
+            if is_loaded:
+                break
+        later.reset()
+        without.reset()
+
+
+def test_later_payload_run_in_blocks_equals_run_tick_by_tick() -> None:
+    settings = 'duration=0.2', 'plant.payload.mass=0.5', 'plant.payload.time=0.1', *GENTLE
+    simulation = Simulation(load_scenario(PAPER, settings))
+    (whole,) = simulation.run()
+    blocks = list(simulation.run(block=70))
+    plant = plant_of(load_scenario(PAPER, settings)['plant'], 0.001)
+    for k, torque in enumerate(whole.torque):
+        np.testing.assert_array_equal(plant.position, whole.position[k])
+        plant.advance(torque)
+    np.testing.assert_array_equal(np.vstack([b.position for b in blocks]), whole.position)
+
+
+def test_later_payload_in_batch_raises() -> None:
+    run = load_scenario(PAPER, ('plant.payload.mass=0.5', 'plant.payload.time=0.1'))
+    with pytest.raises(InputError, match=r'payload.time = 0.1: expected 0 for runs in one batch'):
+        BatchSimulation([run])
+
+
 def test_measurement_jitter_state_has_reported_age() -> None:
     settings = 'duration=0.3', 'plant.measurement_delay=0.004', 'plant.delay_jitter=0.5'
     (run,) = Simulation(load_scenario(PAPER, (*settings, 'controller.k_s2=0'))).run()

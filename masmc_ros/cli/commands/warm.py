@@ -13,6 +13,7 @@ from tempfile import TemporaryDirectory
 from masmc_ros.cli.arguments import add_settings
 from masmc_ros.cli.compile_notice import compile_notice
 from masmc_ros.errors import InputError, suggestion
+from masmc_ros.identification.effort_echo import compile_echo
 from masmc_ros.law import registry
 from masmc_ros.loop.preparation import code_for
 from masmc_ros.loop.simulated_robot import plant_of
@@ -100,4 +101,5 @@ def _load(values: Mapping[str, Values]) -> None:
         pass
     plant = plant_of(values['plant'], values['plant']['control_period'])
     plant.compile()
+    compile_echo()
     code_for(plant.mechanism, values['controller']).load()

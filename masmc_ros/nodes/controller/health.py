@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 import time
 
 from masmc_ros.control.controller_core import ControllerCore
@@ -78,6 +78,8 @@ class ControllerHealth:
         output: CommandOutput,
         core: ControllerCore,
         rejected_messages: RejectedMessages,
+        figures: Mapping[str, str],
+        wrong_latency: str,
     ) -> Health:
         """
         Return the report and restart the counts.
@@ -92,6 +94,10 @@ class ControllerHealth:
             State machine of the controller.
         rejected_messages
             Counts of rejected messages.
+        figures
+            Further figures by name.
+        wrong_latency
+            Warning about a latency that differs from that of the efforts, '' without one.
 
         """
         supervisor, controller, counts = core.supervisor, core.controller, core.counts
@@ -111,12 +117,13 @@ class ControllerHealth:
             **self._saturation.report(),
             **output.figures(),
             **rejected_messages.figures(),
+            **figures,
         }
         self._is_simulated = _is_simulated(self._clock)
-        outdated = ''
+        outdated = wrong_latency
         if self._ages:
             mean = sum(self._ages) / len(self._ages)
-            outdated = outdated_latency(controller, mean)
+            outdated = outdated or outdated_latency(controller, mean)
             values['age of answered states, mean (ms)'] = f'{1e3 * mean:.3f}'
             values['age of answered states, most (ms)'] = f'{1e3 * max(self._ages):.3f}'
             self._ages.clear()

@@ -35,7 +35,7 @@ from masmc_ros.control.layer_watch import LayerWatch
 from masmc_ros.control.supervisor import FAULT
 from masmc_ros.errors import InputError
 from masmc_ros.law import registry
-from masmc_ros.law.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CMD_VEL
+from masmc_ros.law.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CMD_VEL, takes_rates
 from masmc_ros.loop import records
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.preparation import Effect, LawChange, prepare
@@ -44,9 +44,12 @@ from masmc_ros.loop.simulated_robot import stamp_age
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.parameter_record import record_of
 from masmc_ros.messages.reference_window import ReferenceWindow
+from masmc_ros.nodes.controller.background import Background
 from masmc_ros.nodes.controller.command_output import BaseOutput, CommandOutput, TorqueOutput
+from masmc_ros.nodes.controller.effort_echo import EffortEcho
 from masmc_ros.nodes.controller.health import ControllerHealth
 from masmc_ros.nodes.controller.lifecycle_services import LifecycleServices
+from masmc_ros.nodes.controller.payload_output import PayloadOutput
 from masmc_ros.nodes.controller.reference_input import ReferenceInput
 from masmc_ros.nodes.controller.state_input import StateInput
 from masmc_ros.nodes.controller.telemetry_output import ControllerTelemetry
@@ -54,7 +57,7 @@ from masmc_ros.nodes.middleware.past import subscribe_with_past
 from masmc_ros.nodes.parameters.ros_parameters import Pending
 from masmc_ros.nodes.process.base import SuiteNode
 from masmc_ros.nodes.process.command_line import CommandLine
-from masmc_ros.nodes.process.diagnostics import publish_health
+from masmc_ros.nodes.process.diagnostics import Health, publish_health
 from masmc_ros.nodes.process.rejected_messages import RejectedMessages
 from masmc_ros.nodes.process.runtime import run
 from masmc_ros.params.declaration import MutableValues, Values
@@ -99,6 +102,11 @@ class ControllerNode(SuiteNode):
             if controller.by_velocity.any()
             else TorqueOutput(controller, joints)
         )
+        self._background = Background()
+        self._echo = EffortEcho(controller, self._background)
+        self._payload: PayloadOutput | None = None
+        if values['payload.estimation_time']:
+            self._payload = PayloadOutput(controller, values, self._background, self.log)
         self._performers: dict[type, Callable[[Any], None]] = {
             Command: self._send,
             StopCommand: self._send_stop,
@@ -127,6 +135,8 @@ class ControllerNode(SuiteNode):
         self._telemetry = ControllerTelemetry(
             self._controller, self.values['telemetry_decimation'], self.stream
         )
+        if self._payload is not None:
+            self._payload.connect(node, self.steady, self.stream)
         self._state = self.latched(String, 'controller/state')
         node.create_service(SetBool, '~/enable', self._on_enable)
         node.create_service(SetBool, '~/hand_guide', self._on_guide)
@@ -148,7 +158,7 @@ class ControllerNode(SuiteNode):
             node,
             self.latched(DiagnosticArray, '/diagnostics'),
             self.steady,
-            lambda: self._health.report(node, self._output, core, self._rejected_messages),
+            self._report_health,
         )
         subscribe_with_past(
             node, String, 'plant/parameters', self._on_plant_parameters, depth=100
@@ -163,6 +173,7 @@ class ControllerNode(SuiteNode):
             self._on_state,
             lambda: self._perform(core.on_jump()),
         )
+        self._echo.watch(self._states.effort)
         core.missing_source = lambda: self._states.missing
         self.wait('the plant (joint_states)')
 
@@ -174,6 +185,7 @@ class ControllerNode(SuiteNode):
         if not self.finished:
             self._perform(self._core.on_shutdown())
         self._law_change.close()
+        self._background.close()
         super().close(spin)
 
     def _compile(self) -> None:
@@ -223,6 +235,19 @@ class ControllerNode(SuiteNode):
     @property
     def _is_lockstep(self) -> bool:
         return not self._core.pacing.is_timed
+
+    def _report_health(self) -> Health:
+        figures = self._echo.figures()
+        if self._payload is not None:
+            figures |= self._payload.figures()
+        return self._health.report(
+            self.node,
+            self._output,
+            self._core,
+            self._rejected_messages,
+            figures=figures,
+            wrong_latency=self._echo.warning(),
+        )
 
     # Events.
 
@@ -328,6 +353,9 @@ class ControllerNode(SuiteNode):
         self._output.send(action.stamp)
         self._health.add_tick(self._controller)
         self._health.add_response(action.stamp, self._core.arrival)
+        self._echo.add(action.stamp)
+        if self._payload is not None:
+            self._payload.add(action.stamp)
 
     def _send_stop(self, action: StopCommand) -> None:
         self._output.send(action.stamp)
@@ -377,6 +405,11 @@ def _check_law(values: Values) -> None:
     if values['payload.mass'] > 0.0:
         # Raises InputError for a type of robot without payloads.
         records.nominal_theta(robot_of(values), values)
+    if values['payload.estimation_time'] and takes_rates(values):
+        raise InputError(
+            f'payload.estimation_time = {values["payload.estimation_time"]:g}: expected 0 with '
+            'commanded velocities, whose torques are unknown'
+        )
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -113,6 +113,11 @@ class StateInput:
             return self._missing_source(self._base, self._state.stamp_ns) or _STATES
         return _STATES
 
+    @property
+    def effort(self) -> Array:
+        """Return the array of the efforts in the last state, with the driven joints last."""
+        return self._state.effort
+
     def _take(self, raw: bytes) -> None:
         if self._missing_pose is not None:
             self._rejected_messages.add(_STATES, self._missing_pose)

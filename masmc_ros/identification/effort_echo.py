@@ -1,0 +1,228 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Delay between commanded torques and the efforts that drives report.
+
+Many drives report the torque of their motors as `effort` in joint_states: the command, delayed and
+filtered by the lag of the motors. Delay and lag are those with which the commands explain the
+changes of the efforts best. Gain and offset of each joint are free, because the efforts may be
+currents. The efforts are means over the interval that ends with their stamp; those of an instant
+give delays that are up to one period too small.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from masmc_ros.identification.timing import Estimate, LARGEST, Timing
+from masmc_ros.numerics.aliases import Array
+from masmc_ros.numerics.compiled import kernel
+import numpy as np
+
+BURST = 2.0
+"""Length of the compared parts in s."""
+
+_PAUSE = 14
+"""Time between two parts, as a multiple of their length."""
+
+_FEWEST = 150
+"""Smallest number of samples of a part."""
+
+_CHANGE = 0.05
+"""Interval in s of the compared changes, so slow torques do not count."""
+
+_SHARES = (0.0, 0.5, 0.9)
+"""Shares of the lag in the sum of both at the start of the search."""
+
+_COARSE = 2.0e-3
+"""Step in s of the first search."""
+
+_REFINEMENTS = 16
+"""Number of grids of the search, each 0.6 times as large as the previous one."""
+
+_STEP = 1.0e-4
+"""Step in s of the differences."""
+
+_LEAST_CHANGE = 1.0e-3
+"""Smallest RMS change of the effort of a used joint, relative to the largest one."""
+
+_EXPLAINED = 0.98
+"""Share of the squared changes that the commands explain if the efforts are their echo."""
+
+_PRECISE = 1.0e-3
+"""Largest standard error in s of the sum of delay and lag."""
+
+_TOLERATED = 0.2
+"""Largest error of the latency, relative to the right value, without a warning."""
+
+
+class EchoBuffer:
+    """Parts of the states and commands of a run, with pauses between them."""
+
+    def __init__(self, joints: int, period: float) -> None:
+        """Initialise an empty buffer for a control period in s."""
+        count = max(_FEWEST, round(BURST / period))
+        self._stamps = np.zeros(count, np.int64)
+        self._effort, self._torque = np.zeros((2, count, joints))
+        self._longest, self._pause = round(2.5e9 * period), _PAUSE * count
+        self._count = self._last = self._skipped = 0
+
+    def add(self, stamp: int, effort: Array, torque: Array) -> tuple[Array, Array, Array] | None:
+        """
+        Add a state and its answer; return times in s, efforts and torques of a complete part.
+
+        Parameters
+        ----------
+        stamp
+            Stamp of the state in ns.
+        effort, torque
+            Efforts (joints) in the state, and commanded torques (joints).
+
+        """
+        if self._skipped:
+            self._skipped -= 1
+            return None
+        count, last, self._last = self._count, self._last, stamp
+        if not 0 < stamp - last <= self._longest:
+            count = 0
+        self._stamps[count], self._effort[count], self._torque[count] = stamp, effort, torque
+        self._count = count + 1
+        if self._count < len(self._stamps):
+            return None
+        self._count, self._skipped = 0, self._pause
+        if not self._effort.any():
+            return None
+        times = np.asarray(1e-9 * (self._stamps - self._stamps[0]), np.float64)
+        return times, self._effort.copy(), self._torque.copy()
+
+
+class _Fit(NamedTuple):
+    """Weighted remaining changes (r) of the efforts, and the share that is explained."""
+
+    residual: Array
+    explained: float
+
+
+@kernel
+def _echo(times: Array, torque: Array, delay: float, lag: float, means: Array) -> None:
+    """
+    Write the means (N, n) of delayed and lagging torques over the interval before each time.
+
+    Each torque (N, n) is held until the next one. The lag obeys lag y' = u - y, so the integral of
+    y is that of u less the lag times the change of y.
+    """
+    for j in range(torque.shape[1]):
+        node, value, integral, before = 0, torque[0, j], 0.0, 0.0
+        for k in range(len(times)):
+            at = times[k] - delay
+            while node + 1 < len(times) and times[node + 1] <= at:
+                held, length = torque[node, j], times[node + 1] - times[node]
+                decay = np.exp(-length / lag) if lag > 0.0 else 0.0
+                reached = held + (value - held) * decay
+                integral += held * length + lag * (value - reached)
+                value = reached
+                node += 1
+            held, length = torque[node, j], max(at - times[node], 0.0)
+            decay = np.exp(-length / lag) if lag > 0.0 else 0.0
+            total = integral + held * length + lag * (value - held) * (1.0 - decay)
+            means[k, j] = (total - before) / (times[k] - times[k - 1]) if k > 0 else 0.0
+            before = total
+
+
+def compile_echo() -> None:
+    """Compile or load the kernel of the comparison."""
+    _echo(np.array([0.0, 1.0]), np.zeros((2, 1)), 0.0, 0.0, np.empty((2, 1)))
+
+
+def fit_echo(times: Array, effort: Array, torque: Array) -> Timing | None:
+    """
+    Return the delay and the lag of the efforts; None if they are no echo of the torques.
+
+    Parameters
+    ----------
+    times
+        (N) Stamps of the states in s, ascending.
+    effort
+        (N, n) Efforts in the states.
+    torque
+        (N, n) Commanded torques that answer the states.
+
+    """
+    period = float(np.median(np.diff(times)))
+    step = max(1, round(_CHANGE / period))
+    first = int(np.searchsorted(times, times[0] + 2.0 * LARGEST))
+    if first + 2 * step >= len(times) or not np.isfinite(effort).all():
+        return None
+    changes = effort[first + step:] - effort[first:-step]
+    size = np.sqrt(np.mean(changes**2, axis=0))
+    used = size > _LEAST_CHANGE * size.max()
+    moving = np.ptp(torque, axis=0) > 0.0
+    if not (used & moving).any():
+        return None
+    used &= moving
+    targets, torque = changes[:, used] / size[used], np.ascontiguousarray(torque[:, used])
+    means = np.empty_like(torque)
+
+    def fit(delay: float, lag: float) -> _Fit:
+        _echo(times, torque, delay, lag, means)
+        columns = means[first + step:] - means[first:-step]
+        gains = np.sum(columns * targets, axis=0) / (np.sum(columns**2, axis=0) + 1e-300)
+        residual = (targets - columns * gains).ravel()
+        return _Fit(residual, 1.0 - float(np.mean(residual**2)))
+
+    totals = np.arange(0.0, LARGEST, max(0.5 * period, _COARSE))
+    starts = [(total * (1.0 - share), total * share) for total in totals for share in _SHARES]
+    best = max(starts, key=lambda at: fit(*at).explained)
+    width = max(0.5 * period, _COARSE)
+    for _ in range(_REFINEMENTS):
+        delay, lag = best
+        grid = (-width, 0.0, width)
+        near = {(max(delay + a - b, 0.0), max(lag + b, 0.0)) for a in grid for b in grid}
+        best = max((best, *near), key=lambda at: fit(*at).explained)
+        width *= 0.6
+    delay, lag = best
+    result = fit(delay, lag)
+    if result.explained < _EXPLAINED:
+        return None
+    slopes = np.column_stack([
+        (fit(delay + _STEP, lag).residual - result.residual) / _STEP,
+        (fit(delay, lag + _STEP).residual - result.residual) / _STEP,
+    ])
+    # Neighbouring differences overlap, so only one in `step` is independent.
+    variance = float(np.mean(result.residual**2)) * step
+    covariance = variance * np.linalg.pinv(slopes.T @ slopes)
+    total = Estimate(delay + lag, float(np.sqrt(covariance.sum())))
+    if total.error > _PRECISE:
+        return None
+    errors = np.sqrt(np.diag(covariance)).tolist()
+    return Timing(Estimate(delay, errors[0]), Estimate(lag, errors[1]), total)
+
+
+def echo_text(timing: Timing) -> str:
+    """Return delay and lag in ms as text."""
+    total, lag = (f'{1e3 * t.value:.1f} ± {1e3 * t.error:.1f}' for t in (timing.total, timing.lag))
+    return f'{total}, with a motor lag of {lag}'
+
+
+def wrong_latency(timing: Timing, latency: float, motor_lag: float, period: float) -> str:
+    """
+    Return a warning if the latency is set to another value than that of the efforts, else ''.
+
+    Parameters
+    ----------
+    timing
+        Latency and lag by the efforts.
+    latency, motor_lag, period
+        Parameters of the controller, and the control period, in s.
+
+    """
+    total = timing.total
+    tolerance = max(period, _TOLERATED * total.value) + 3.0 * total.error
+    if abs(latency + motor_lag - total.value) <= tolerance:
+        return ''
+    return (
+        f'latency = {latency:g}, motor_lag = {motor_lag:g}: the efforts in joint_states follow '
+        f'the commands after {echo_text(timing)} ms; expected latency = '
+        f'{timing.latency.value:.4f} and motor_lag = {timing.lag.value:.4f}'
+    )

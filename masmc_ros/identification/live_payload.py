@@ -1,0 +1,382 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Payload of a running robot, estimated from its states and commanded torques.
+
+The averaged equations of motion of `windows` need no accelerations. The difference between the
+torques and those of the nominal robot is linear in mass, first and second moments of a load that
+is fixed to the last link (Atkeson, An and Hollerbach 1986), in the friction of each joint that
+differs from the nominal one, and for small values in an error of the latency. Blocks of one second
+contribute sums of products only, and the blocks of a limited time give the estimate. Therefore
+the cost is constant, and a load that was picked up replaces the previous one after this time.
+
+Shapes: n joints with commanded torques, W windows, c columns, K blocks.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from masmc_ros.identification.load import COULOMB_SHARE, EXPECTED_MOMENTS, Load, load_of
+from masmc_ros.identification.regressor import averaged
+from masmc_ros.identification.timing import Estimate
+from masmc_ros.identification.windows import Average, average_of_held, sample_weights, windows_in
+from masmc_ros.numerics.aliases import Array
+from masmc_ros.robot.robot import Robot
+import numpy as np
+from numpy.typing import NDArray
+
+BLOCK = 1.0
+"""Shortest length of a block in s."""
+
+_SPACING = 0.01
+"""Shortest interval in s between two states that are used; all torques are used."""
+
+_HALF_PERIODS = 10
+"""Intervals between used states in half of a window."""
+
+_LONGEST_GAP = 2.5
+"""Longest interval between states of a block, in control periods."""
+
+_LATENCY_ERROR = 0.005
+"""Expected error of the latency in s."""
+
+_FINEST = 1.0e-3
+"""Smallest standard deviation of a torque, relative to its RMS value."""
+
+_ROUNDS = 3
+"""Iterations of the weights of the joints."""
+
+_FEWEST_BLOCKS = 3
+"""Blocks with which an estimate is possible."""
+
+_CONTRADICTION = 0.5
+"""Ratio of the errors of the fewest blocks and of all blocks below which the load has changed."""
+
+_EXPLAINED = 0.9
+"""Share of the unexplained squared torques that a payload explains if it is reported."""
+
+_LIGHTEST = 0.01
+"""Smallest mass in kg that is reported."""
+
+_DETERMINED = 0.05
+"""Largest standard error in m of a coordinate of the centre of mass that is determined."""
+
+_LOAD, _DELAY, _FRICTION, _MISSING, _TORQUE = 10, 10, slice(11, 13), 13, 14
+"""Columns: moments of the load, latency, viscous and Coulomb friction, torques."""
+
+
+class Block(NamedTuple):
+    """
+    States and commanded torques without a gap.
+
+    Attributes
+    ----------
+    times
+        (N) Stamps of the states in s, ascending from zero.
+    position
+        (N, positions) Positions in m and rad.
+    rates
+        (N, joints) Measured joint rates in rad/s or m/s.
+    torque
+        (N, joints) Torques in N·m or N that answer the states.
+
+    """
+
+    times: Array
+    position: Array
+    rates: Array
+    torque: Array
+
+
+class PayloadEstimate(NamedTuple):
+    """
+    Payload of the robot in the frame of its tip.
+
+    Attributes
+    ----------
+    load
+        Mass in kg and centre of mass in m, with standard errors.
+    explained
+        Share of the weighted squared torques without explanation by the nominal robot and its
+        friction that the payload explains.
+    later
+        Additional latency in s, positive if the torques act later than assumed, with standard
+        error.
+
+    """
+
+    load: Load
+    explained: float
+    later: Estimate
+
+    @property
+    def is_significant(self) -> bool:
+        """Return True if the mass exceeds three standard errors, and explains the torques."""
+        load = self.load
+        return self.explained > _EXPLAINED and load.mass > max(3.0 * load.mass_error, _LIGHTEST)
+
+    @property
+    def centre(self) -> Array:
+        """Return the centre of mass (3) in m, NaN for coordinates that are not determined."""
+        return np.where(self.load.centre_error < _DETERMINED, self.load.centre, np.nan)
+
+
+class BlockBuffer:
+    """Buffer of the states and torques of a block."""
+
+    def __init__(self, positions: int, joints: int, period: float) -> None:
+        """Initialise an empty buffer for a control period in s."""
+        count = round(max(BLOCK, 10.0 * _HALF_PERIODS * period) / period) + 1
+        self._stamps = np.zeros(count, np.int64)
+        self._numbers = np.zeros((count, positions + 2 * joints))
+        parts = np.cumsum([positions, joints])
+        self._columns = [slice(0, parts[0]), slice(parts[0], parts[1]), slice(parts[1], None)]
+        self._longest = round(1e9 * _LONGEST_GAP * period)
+        self._count = self._last = 0
+
+    def add(self, stamp: int, position: Array, rates: Array, torque: Array) -> Block | None:
+        """
+        Add the answer to a state, and return a block when it is complete.
+
+        Parameters
+        ----------
+        stamp
+            Stamp of the state in ns.
+        position, rates, torque
+            Positions (positions), rates (joints) and commanded torques (joints).
+
+        """
+        if not 0 < stamp - self._last <= self._longest:
+            self._count = 0
+        count, self._last = self._count, stamp
+        self._stamps[count] = stamp
+        row = self._numbers[count]
+        for column, values in zip(self._columns, (position, rates, torque), strict=True):
+            row[column] = values
+        self._count = count + 1
+        if self._count < len(self._stamps):
+            return None
+        self._count = 0
+        times = np.asarray(1e-9 * (self._stamps - self._stamps[0]), np.float64)
+        numbers = self._numbers.copy()
+        return Block(times, *(numbers[:, column] for column in self._columns))
+
+
+class PayloadEstimator:
+    """Estimator of a payload from the blocks of a limited time."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        theta: Array,
+        friction: Array,
+        has_torque: NDArray[np.bool_],
+        span: float,
+    ) -> None:
+        """
+        Initialise the estimator without a block, and compile its kernel.
+
+        Parameters
+        ----------
+        robot
+            Robot without friction.
+        theta
+            (q) Inertial parameters of the nominal robot without payload.
+        friction
+            (2 joints) Nominal viscous and Coulomb friction.
+        has_torque
+            (joints) True for joints with a commanded torque.
+        span
+            Time in s whose blocks are used.
+
+        Raises
+        ------
+        InputError
+            if the type of robot has no description of payloads.
+
+        """
+        self._robot, self._nominal = robot, np.concatenate([theta, friction])
+        self._has_torque = has_torque
+        self._factors = robot.payload_factors * EXPECTED_MOMENTS
+        self._tip = robot.tip_on_link
+        self._blocks: deque[_Products] = deque(maxlen=max(_FEWEST_BLOCKS, round(span / BLOCK)))
+        sizes = robot.mechanism.sizes
+        times, joints = np.linspace(0.0, BLOCK, 101), np.zeros((101, sizes['joints']))
+        self.add(Block(times, np.zeros((101, sizes['positions'])), joints, joints), 0.0)
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget all blocks."""
+        self._blocks.clear()
+
+    def add(self, block: Block, latency: float, *, uses_rates: bool = True) -> None:
+        """
+        Add a block.
+
+        Parameters
+        ----------
+        block
+            States and torques.
+        latency
+            Age of a state in s when its torque acts, with the lag of the motors.
+        uses_rates
+            False if the rates are not measured; differences of the positions replace them.
+
+        """
+        period = (block.times[-1] - block.times[0]) / (len(block.times) - 1)
+        step = max(1, round(_SPACING / period))
+        spacing = step * period
+        states = slice(None, None, step)
+        times, position, rates = (part[states] for part in block[:3])
+        smoothing = None
+        if not uses_rates:
+            angles = position[:, -rates.shape[1]:]
+            rates = (angles[2:] - angles[:-2]) / (times[2:] - times[:-2])[:, None]
+            times, position = times[1:-1], position[1:-1]
+            # These are averages of the rates, so the torques are averaged in the same way.
+            smoothing = Average(np.full(2, 0.5 / spacing), spacing)
+        valid = np.ones(len(times) - 1, np.bool_)
+        margin = latency + _LATENCY_ERROR + spacing
+        windows = windows_in(times, _HALF_PERIODS * spacing, valid, margin)
+        if not len(windows.centres):
+            return
+        equations = averaged(self._robot, position, rates, sample_weights(times, windows))
+        torques = np.hstack([
+            average_of_held(block.times, block.torque, windows, delay, 0.0, smoothing)
+            for delay in (latency, latency + _LATENCY_ERROR)
+        ])
+        acting, later = np.split(torques, 2, axis=1)
+        matrix, inertial = equations.matrix, len(self._factors)
+        of_load = matrix[:, :, :inertial] @ self._factors
+        joints = np.arange(acting.shape[1])
+        friction = [matrix[:, joints, inertial + k * len(joints) + joints] for k in range(2)]
+        missing = acting - equations.known - matrix @ self._nominal
+        single = np.stack([acting - later, *friction, missing, acting], axis=2)
+        rows = np.concatenate([of_load, single], axis=2)[:, self._has_torque]
+        self._blocks.append(_Products(np.einsum('wja,wjb->jab', rows, rows), len(rows)))
+
+    def estimate(self) -> PayloadEstimate | None:
+        """Return the payload, and forget blocks of another load; None with too few blocks."""
+        blocks = list(self._blocks)
+        if len(blocks) < _FEWEST_BLOCKS:
+            return None
+        estimate = self._estimate_of(blocks)
+        if len(blocks) > _FEWEST_BLOCKS:
+            recent = self._estimate_of(blocks[-_FEWEST_BLOCKS:])
+            # More data of the same load would have a smaller error.
+            if recent.load.mass_error < _CONTRADICTION * estimate.load.mass_error:
+                del blocks[:-_FEWEST_BLOCKS]
+                self._blocks.clear()
+                self._blocks.extend(blocks)
+                return recent
+        return estimate
+
+    def _estimate_of(self, blocks: Sequence[_Products]) -> PayloadEstimate:
+        products = np.array([block.products for block in blocks])
+        return _estimate(products, sum(block.windows for block in blocks), self._tip)
+
+
+def described(
+    estimate: PayloadEstimate | None, announced: float, *, tip: str, node: str
+) -> str:
+    """
+    Return the payload as text.
+
+    Parameters
+    ----------
+    estimate
+        Payload; None if it is not known yet.
+    announced
+        Mass in kg that is announced to the controller.
+    tip, node
+        Names of the frame of the tip and of the controller.
+
+    """
+    if estimate is None:
+        return f'not known yet; expected {_FEWEST_BLOCKS} s of control'
+    load, centre = estimate.load, estimate.centre
+    mass = f'{round(load.mass, 3) + 0.0:.3f} ± {load.mass_error:.3f} kg'
+    differs = abs(load.mass - announced) > max(3.0 * load.mass_error, _LIGHTEST)
+    if not estimate.is_significant:
+        if load.mass > max(3.0 * load.mass_error, _LIGHTEST):
+            share = 100.0 * estimate.explained
+            return (
+                f'not determined: {mass} would explain {share:.0f} % of the torques that the '
+                f'model does not, expected at least {100.0 * _EXPLAINED:.0f} %'
+            )
+        remedy = f'; announce it with: ros2 param set {node} payload.mass 0.0'
+        return f'none: {mass}' + remedy * (announced > 0.0 and differs)
+    places, errors = _numbers(centre, centre), _numbers(load.centre_error, centre)
+    text = f'{mass} at ({places}) ± ({errors}) m of {tip}'
+    if np.isnan(centre).any():
+        text += '; the motion does not determine the coordinates ?'
+    if not differs:
+        return f'{text}; announced'
+    return (
+        f'{text}; announced {announced:g} kg; announce it with: ros2 param set {node} '
+        f'payload.com "[{_numbers(np.nan_to_num(centre))}]"; ros2 param set {node} '
+        f'payload.mass {load.mass:.3f}'
+    )
+
+
+def _numbers(numbers: Array, known: Array | None = None) -> str:
+    """Return numbers (3) in m, with ? for those that are not known."""
+    missing = np.isnan(numbers if known is None else known)
+    texts = [f'{number:.3f}' for number in np.round(numbers, 3) + 0.0]
+    return ', '.join('?' if no else text for no, text in zip(missing, texts, strict=True))
+
+
+class _Products(NamedTuple):
+    """Sums of products (n, c, c) of the columns of the joints over the windows of a block."""
+
+    products: Array
+    windows: int
+
+
+def _estimate(blocks: Array, count: int, tip: tuple[Array, Array]) -> PayloadEstimate:
+    """Return the payload from products (K, n, c, c) over a number of windows."""
+    total = blocks.sum(axis=0)
+    size = np.sqrt(total[:, _TORQUE, _TORQUE] / count)
+    floor = _FINEST * size + 1e-3 * _FINEST * size.max() + 1e-12
+    speed = np.sqrt(total[:, _FRICTION.start, _FRICTION.start] / count) + 1e-3
+    scale = np.stack([size / speed, COULOMB_SHARE * size], axis=1) + 1e-12
+    deviation = 0.05 * size + floor
+    shared = _DELAY + 1
+    for _ in range(_ROUNDS):
+        weighted = total / deviation[:, None, None] ** 2
+        # Friction belongs to one joint each, and is eliminated first.
+        own = weighted[:, _FRICTION, _FRICTION] + np.eye(2) * scale[:, None] ** -2.0
+        reduced = np.linalg.solve(own, weighted[:, _FRICTION])
+        normal = weighted - weighted[:, :, _FRICTION] @ reduced
+        summed = normal.sum(axis=0)
+        matrix = summed[:shared, :shared] + np.eye(shared)
+        right = summed[:shared, _MISSING]
+        solution = np.linalg.solve(matrix, right)
+        # The residual is the sum of the columns with these factors.
+        factors = np.zeros((len(size), total.shape[1]))
+        factors[:, :shared], factors[:, _MISSING] = -solution, 1.0
+        factors[:, _FRICTION] = -np.einsum('jfa,ja->jf', reduced, factors)
+        squares = np.einsum('ja,jab,jb->j', factors, total, factors)
+        deviation_before, deviation = deviation, np.sqrt(np.maximum(squares, 0.0) / count) + floor
+    remaining = summed[_MISSING, _MISSING] - right @ solution
+    alone = right[_DELAY] ** 2 / matrix[_DELAY, _DELAY]
+    before = summed[_MISSING, _MISSING] - alone
+    # Errors of the model are the same in neighbouring windows, and differ between blocks.
+    slopes = np.einsum('kjab,jb->kja', blocks / deviation_before[:, None, None] ** 2, factors)
+    own_slopes = np.einsum('jfa,kjf->ka', reduced[:, :, :shared], slopes[:, :, _FRICTION])
+    scores = slopes[:, :, :shared].sum(axis=1) - own_slopes
+    inverse = np.linalg.inv(matrix)
+    spread = scores @ inverse * np.sqrt(len(blocks) / (len(blocks) - 1.0))
+    covariance = inverse + spread.T @ spread
+    expected = EXPECTED_MOMENTS
+    load = load_of(
+        solution[:_LOAD] * expected,
+        covariance[:_LOAD, :_LOAD] * np.outer(expected, expected),
+        *tip,
+    )
+    later = _LATENCY_ERROR * solution[_DELAY], _LATENCY_ERROR * covariance[_DELAY, _DELAY] ** 0.5
+    return PayloadEstimate(load, 1.0 - float(remaining / before), Estimate(*map(float, later)))

@@ -1,0 +1,148 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Estimate of the payload: its computation, its topic, and its text on /diagnostics."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import math
+
+from geometry_msgs.msg import InertiaStamped
+from masmc_ros.identification.live_payload import (
+    Block,
+    BlockBuffer,
+    described,
+    PayloadEstimate,
+    PayloadEstimator,
+)
+from masmc_ros.identification.nominal import nominal_of
+from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES
+from masmc_ros.loop.controller import Controller
+from masmc_ros.messages.cdr_layout import NANOSECONDS
+from masmc_ros.messages.names import PAYLOAD_TOPIC
+from masmc_ros.nodes.controller.background import Background
+from masmc_ros.params.declaration import Values
+from rclpy.clock import Clock
+from rclpy.impl.rcutils_logger import RcutilsLogger
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+
+_PERIOD = 0.5
+"""Time in s between two checks for a new estimate."""
+
+_PRECISE = 1e-3
+"""Largest standard error in s of a latency that is reported."""
+
+
+class PayloadOutput:
+    """Estimator of the payload with its publisher; the computation has a separate thread."""
+
+    def __init__(
+        self, controller: Controller, values: Values, background: Background, log: RcutilsLogger
+    ) -> None:
+        """
+        Initialise the estimator and compile it.
+
+        Parameters
+        ----------
+        controller
+            Controller whose states and torques are used.
+        values
+            Checked parameters of the controller node.
+        background
+            Thread of the computation.
+        log
+            Logger for changes of the payload.
+
+        Raises
+        ------
+        InputError
+            if the type of robot has no description of payloads.
+
+        """
+        self._controller, self._background, self._log = controller, background, log
+        mechanism, nominal = controller.mechanism, nominal_of(values)
+        span: float = values['payload.estimation_time']
+        self._estimator = PayloadEstimator(
+            nominal.robot, nominal.theta, nominal.friction, ~controller.by_velocity, span
+        )
+        self._joints = len(mechanism.joints)
+        sizes = mechanism.sizes
+        self._buffer = BlockBuffer(sizes['positions'], self._joints, controller.period)
+        signals = controller.signals[0]
+        self._position = signals['position'][:, 0]
+        self._rates = signals['velocity'][-self._joints:, 0]
+        self._tip = mechanism.point_frame or mechanism.frames[-1][1]
+        self._frame = values['frame_prefix'] + self._tip
+        # Written by the thread as a whole, and read by the node.
+        self._latest: tuple[int, PayloadEstimate | None] = 0, None
+        self._published, self._text = 0, ''
+        self._is_significant = False
+        if values['model_scale'] != 1.0:
+            log.warning(
+                f'model_scale = {values["model_scale"]:g}: the estimate of the payload contains '
+                'the error of the model; identify the robot and use model_scale = 1'
+            )
+
+    def connect(
+        self, node: Node, clock: Clock, advertise: Callable[[type, str], Publisher]
+    ) -> None:
+        """Create the topic and its timer, with a steady clock."""
+        self._name = node.get_fully_qualified_name()
+        self._publisher = advertise(InertiaStamped, PAYLOAD_TOPIC)
+        node.create_timer(_PERIOD, self._publish, clock=clock)
+
+    def add(self, stamp: int) -> None:
+        """Add the answer to the state of a stamp in ns."""
+        block = self._buffer.add(stamp, self._position, self._rates, self._controller.torque)
+        if block is None:
+            return
+        values = self._controller.values
+        latency = values['latency'] + values['motor_lag']
+        uses_rates = values['velocity_source'] != SOURCES[ESTIMATED]
+        self._background.call(lambda: self._update(stamp, block, latency, uses_rates))
+
+    def figures(self) -> dict[str, str]:
+        """Return the payload for /diagnostics."""
+        figures = {'payload': self._text or self._describe(None)}
+        _, estimate = self._latest
+        if estimate is not None and estimate.later.error < _PRECISE:
+            values = self._controller.values
+            latency = values['latency'] + values['motor_lag'] + estimate.later.value
+            text = f'{1e3 * latency:.1f} ± {1e3 * estimate.later.error:.1f}'
+            figures['latency by motion, with motor lag (ms)'] = text
+        return figures
+
+    def _update(self, stamp: int, block: Block, latency: float, uses_rates: bool) -> None:
+        self._estimator.add(block, latency, uses_rates=uses_rates)
+        self._latest = stamp, self._estimator.estimate()
+
+    def _describe(self, estimate: PayloadEstimate | None) -> str:
+        return described(
+            estimate, self._controller.values['payload.mass'], tip=self._tip, node=self._name
+        )
+
+    def _publish(self) -> None:
+        stamp, estimate = self._latest
+        if stamp == self._published:
+            return
+        self._published, self._text = stamp, self._describe(estimate)
+        if estimate is None:
+            return
+        if estimate.is_significant != self._is_significant:
+            self._is_significant = estimate.is_significant
+            self._log.info(f'payload: {self._text}')
+        if estimate.is_significant:
+            self._publisher.publish(self._message(stamp, estimate))
+
+    def _message(self, stamp: int, estimate: PayloadEstimate) -> InertiaStamped:
+        message = InertiaStamped()
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, NANOSECONDS)
+        message.header.frame_id = self._frame
+        inertia, centre = message.inertia, estimate.centre.tolist()
+        inertia.m = estimate.load.mass
+        inertia.com.x, inertia.com.y, inertia.com.z = centre
+        for name in ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz'):
+            setattr(inertia, name, math.nan)
+        return message
