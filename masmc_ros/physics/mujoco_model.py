@@ -194,13 +194,13 @@ def contact_model(
         model = spec.compile()
     except ValueError as error:
         raise InputError(f'plant.physics = mujoco: {error}') from error
+    joints, turning = ([model.joint(name) for name in part] for part in (names, rotors))
     return ContactModel(
         model,
-        *(
-            np.array([getattr(model.joint(name), address)[0] for name in joints])
-            for joints in (names, rotors)
-            for address in ('qposadr', 'dofadr')
-        ),
+        np.array([joint.qposadr[0] for joint in joints]),
+        np.array([joint.dofadr[0] for joint in joints]),
+        np.array([joint.qposadr[0] for joint in turning]),
+        np.array([joint.dofadr[0] for joint in turning]),
         forces,
         np.array([model.joint(wheel.name).dofadr[0] for wheel in wheels]),
         np.array([model.geom(wheel.name).id for wheel in wheels]),
