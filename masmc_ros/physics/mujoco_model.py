@@ -194,12 +194,13 @@ def contact_model(
         model = spec.compile()
     except ValueError as error:
         raise InputError(f'plant.physics = mujoco: {error}') from error
+    joints, turning = ([model.joint(name) for name in part] for part in (names, rotors))
     return ContactModel(
         model,
-        _addresses(model, names, 'qposadr'),
-        _addresses(model, names, 'dofadr'),
-        _addresses(model, rotors, 'qposadr'),
-        _addresses(model, rotors, 'dofadr'),
+        np.array([joint.qposadr[0] for joint in joints]),
+        np.array([joint.dofadr[0] for joint in joints]),
+        np.array([joint.qposadr[0] for joint in turning]),
+        np.array([joint.dofadr[0] for joint in turning]),
         forces,
         np.array([model.joint(wheel.name).dofadr[0] for wheel in wheels]),
         np.array([model.geom(wheel.name).id for wheel in wheels]),
@@ -208,11 +209,6 @@ def contact_model(
         has_rollers,
         -ground,
     )
-
-
-def _addresses(model: mujoco.MjModel, joints: Sequence[str], kind: str) -> Array:
-    """Return the places of joints in the positions or velocities of MuJoCo."""
-    return np.array([getattr(model.joint(name), kind)[0] for name in joints])
 
 
 class _Wheel(NamedTuple):

@@ -219,7 +219,7 @@ def _torque_of_all(settings: Settings, memory: Memory, command: Numbers, raw: Nu
 
 
 @formula
-def _driven_motion(settings: Settings, v: Numbers) -> Numbers:
+def _others_only(settings: Settings, v: Numbers) -> Numbers:
     model = mechanism.model_of(settings)
     rates = mechanism.rate_command(model, v)
     still = elementwise(zero, rates)
@@ -227,14 +227,14 @@ def _driven_motion(settings: Settings, v: Numbers) -> Numbers:
 
 
 @formula
-def _whole_motion(settings: Settings, v: Numbers) -> Numbers:
+def _all_joints(settings: Settings, v: Numbers) -> Numbers:
     return v
 
 
 @formula
 def _drift_by_torque(settings: Settings, memory: Memory, posture: MechanismPosture) -> None:
     model, mask = mechanism.model_of(settings), settings.by_velocity
-    drift = mechanism.rate_command(model, _driven_motion(settings, memory.drift))
+    drift = mechanism.rate_command(model, _others_only(settings, memory.drift))
     seen = mechanism.task_velocity(model, posture, _motion(model, drift))
     drift = elementwise(minus, drift, rates_by_torque(model, posture, mask, seen, drift))
     memory.drift = _motion(model, drift)
@@ -339,8 +339,8 @@ def accelerations_on_base(
     solve_definite(size, work)
     for k in range(size):
         out[k] = work[k, size]
-    driven = to_vector(out, rates)
-    return mechanism.commanded_joint_rates(model, elementwise(plus, base, driven))
+    others = to_vector(out, rates)
+    return mechanism.commanded_joint_rates(model, elementwise(plus, base, others))
 
 
 @formula
@@ -387,7 +387,7 @@ _FORMULAS = {
         equivalent_command=_equivalent_of_torques,
         inputs_of_step=_inputs_of_torques,
         accelerations=_accelerations_of_torques,
-        by_torque=_whole_motion,
+        by_torque=_all_joints,
         moves_by_velocity=_no,
     ),
     BY_VELOCITY: SimpleNamespace(
@@ -399,7 +399,7 @@ _FORMULAS = {
         equivalent_command=_equivalent_of_both,
         inputs_of_step=_inputs_of_both,
         accelerations=_accelerations_of_both,
-        by_torque=_driven_motion,
+        by_torque=_others_only,
         moves_by_velocity=_yes,
     ),
 }
