@@ -4,15 +4,16 @@
 """
 Error of the compensated loop over wrong latencies and masses, with the limit of stability.
 
-`python tools/latency_map.py` draws docs/images/latency.png. The scenario is the paper's with smc,
-the implicit law, a true latency of 2 to 20 ms and an assumed one of 10 ms. The line is the limit
-of the linear loop of one axis, see docs/theory/latency.md.
+`python tools/latency_map.py` draws docs/images/latency.png. The scenarios are the paper's and
+TIAGo's with smc, the implicit law, a true latency of 2 to 20 ms and an assumed one of 10 ms. The
+line is the limit of the linear loop of one axis, see docs/theory/latency.md.
 """
 
 from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.law.parts.delay_compensation import HORIZON, SLOPE
@@ -20,6 +21,8 @@ from masmc_ros.loop.simulation import Simulation
 from masmc_ros.params.scenario import load_scenario
 import numpy as np
 from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
 
 ROOT = Path(__file__).resolve().parent.parent
 PERIOD = 0.001
@@ -31,24 +34,49 @@ MASSES = (0.25, 0.35, 0.5, 0.7, 0.85, 1.0, 1.25, 1.5, 1.75, 2.0, 2.5)
 """Assumed masses as multiples of the true ones."""
 LARGEST = 10.0
 """Error in mm from which a run counts as diverged."""
+ROBOTS = {
+    'paper.yaml': ('planar robot, E', 2, 20.0, LATENCIES),
+    'tiago.yaml': ('TIAGo, hand', 3, 10.0, LATENCIES[::2]),
+}
+"""
+Maps by parameter file.
+
+Title, number of coordinates of the point, duration of a run in s, and true latencies.
+"""
 
 
-def error_of(latency: int, mass: float) -> float:
-    """Return the RMS of the true distance of E from its path in mm; NaN if the run diverges."""
+def error_of(latency: int, mass: float, file: str = 'paper.yaml') -> float:
+    """
+    Return the RMS of the true distance of a point from its path in mm; NaN if the run diverges.
+
+    Parameters
+    ----------
+    latency
+        True latency in periods.
+    mass
+        Assumed masses as multiples of the true ones.
+    file
+        Parameter file, a key of `ROBOTS`. The RMS is that of the second half of its duration.
+
+    """
+    _, coordinates, duration, _ = ROBOTS[file]
     settings = (
         'controller.law=smc',
         'controller.switching=implicit',
+        f'control_period={PERIOD}',
+        f'duration={duration}',
         f'controller.latency={ASSUMED * PERIOD}',
         f'controller.model_scale={mass}',
         f'plant.measurement_delay={latency * PERIOD}',
     )
-    simulation = Simulation(load_scenario(str(ROOT / 'config' / 'paper.yaml'), settings))
+    simulation = Simulation(load_scenario(str(ROOT / 'config' / file), settings))
     try:
         (run,) = simulation.run(block=30_000)
     except InputError:
         return math.nan
     error = run.true_error(simulation.plant.robot)
-    rms = 1e3 * math.sqrt((error[len(error) // 2:-1, :2] ** 2).sum(axis=1).mean())
+    squares = (error[len(error) // 2:-1, :coordinates] ** 2).sum(axis=1)
+    rms = 1e3 * math.sqrt(squares.mean())
     return rms if rms < LARGEST else math.nan
 
 
@@ -77,27 +105,52 @@ def growth(latency: int, mass: float, assumed: int = ASSUMED) -> float:
     return float(np.abs(np.linalg.eigvals(step)).max())
 
 
+def draw(drawing: Any, title: str, latencies: Array, errors: Array, limit: Array) -> Any:
+    """
+    Draw a map and return its mesh.
+
+    Parameters
+    ----------
+    drawing
+        Axes of Matplotlib.
+    title
+        Title of the map.
+    latencies
+        True latencies (n) in periods.
+    errors
+        Errors (n, masses) in mm.
+    limit
+        Spectral radii (all latencies, any number) of the linear loop.
+
+    """
+    drawing.set_facecolor('0.8')
+    mesh = drawing.pcolormesh(MASSES, latencies / ASSUMED, errors, norm='log', shading='nearest')
+    fine = np.geomspace(MASSES[0], MASSES[-1], limit.shape[1])
+    drawing.contour(fine, np.array(LATENCIES) / ASSUMED, limit, levels=[1.0], colors='red')
+    drawing.set_xscale('log')
+    drawing.set_xticks(MASSES, [f'{mass:g}' for mass in MASSES], minor=False, rotation=90)
+    drawing.minorticks_off()
+    drawing.set(title=title, xlabel='assumed / true masses')
+    return mesh
+
+
 def main() -> None:
-    """Draw the map."""
+    """Draw the maps."""
     from matplotlib.figure import Figure
 
-    errors = np.array([[error_of(latency, mass) for mass in MASSES] for latency in LATENCIES])
-    fine = np.geomspace(MASSES[0], MASSES[-1], 60)
-    radii: NDArray[np.float64] = np.array([
-        [growth(latency, mass) for mass in fine] for latency in LATENCIES
+    limit: Array = np.array([
+        [growth(latency, mass) for mass in np.geomspace(MASSES[0], MASSES[-1], 60)]
+        for latency in LATENCIES
     ])
-    ratios = np.array(LATENCIES) / ASSUMED
-    figure = Figure(figsize=(7.0, 4.2), layout='constrained')
-    axes = figure.add_subplot()
-    axes.set_facecolor('0.8')
-    mesh = axes.pcolormesh(MASSES, ratios, errors, norm='log', shading='nearest')
-    axes.contour(fine, ratios, radii, levels=[1.0], colors='red')
-    axes.set_xscale('log')
-    axes.set_xticks(MASSES, [f'{mass:g}' for mass in MASSES], minor=False)
-    axes.minorticks_off()
-    axes.set_xlabel('assumed / true masses')
-    axes.set_ylabel('true / assumed latency (10 ms)')
-    figure.colorbar(mesh, label='RMS error of E (mm); grey: diverged')
+    figure = Figure(figsize=(9.0, 4.2), layout='constrained')
+    drawings = figure.subplots(1, len(ROBOTS), sharey=True)
+    for drawing, (file, (title, _, _, latencies)) in zip(drawings, ROBOTS.items(), strict=True):
+        errors = np.array([
+            [error_of(latency, mass, file) for mass in MASSES] for latency in latencies
+        ])
+        mesh = draw(drawing, title, np.array(latencies), errors, limit)
+        figure.colorbar(mesh, ax=drawing, label='RMS error (mm); grey: diverged')
+    drawings[0].set_ylabel('true / assumed latency (10 ms)')
     figure.savefig(ROOT / 'docs' / 'images' / 'latency.png', dpi=110)
 
 

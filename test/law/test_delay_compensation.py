@@ -13,12 +13,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from masmc_ros.control.state_lateness import outdated_latency, StateLateness
 from masmc_ros.law.parts.delay_compensation import (
+    BANDWIDTH,
     estimate_gain,
     horizon,
     MEMORY,
     observer_gains,
     SETTINGS,
 )
+from masmc_ros.law.parts.velocity_estimator import filter_bandwidth
 from masmc_ros.loop.closed_loop import predict_state
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulated_robot import SimulatedRobot
@@ -142,23 +144,24 @@ def test_observer_gains_place_declared_poles(
 
 
 @kernel
-def rule_of(settings: Any) -> tuple[float, float]:
-    """Return h in s and beta of settings."""
+def rule_of(settings: Any) -> tuple[float, float, float]:
+    """Return h in s, beta, and the bandwidth of the observer in rad/s of settings."""
     gains = lane_of(settings[0], 0)
-    return horizon(gains), estimate_gain(gains)
+    return horizon(gains), estimate_gain(gains), filter_bandwidth(gains, BANDWIDTH)
 
 
-def test_rule_sets_horizon_and_gain() -> None:
-    def rule(**control: float) -> tuple[float, float]:
+def test_rule_sets_horizon_gain_and_bandwidth() -> None:
+    def rule(**control: float) -> tuple[float, float, float]:
         settings = DelayedLoop({}, **control).controller.settings
-        horizon_and_gain: tuple[float, float] = rule_of(settings)
-        return horizon_and_gain
+        values: tuple[float, float, float] = rule_of(settings)
+        return values
 
-    assert rule(latency=0.01) == pytest.approx((0.015, 0.1))
-    assert rule(latency=0.006, motor_lag=0.004) == pytest.approx((0.015, 0.1))
-    assert rule(latency=0.0005) == pytest.approx((0.0015, 0.25))
+    assert rule(latency=0.01) == pytest.approx((0.015, 0.1, 200.0))
+    assert rule(latency=0.006, motor_lag=0.004) == pytest.approx((0.015, 0.1, 200.0))
+    assert rule(latency=0.0005) == pytest.approx((0.0015, 0.25, 200.0))
     explicit = {'compensation.horizon': 0.003, 'compensation.gain': 0.4}
-    assert rule(latency=0.01, **explicit) == pytest.approx((0.003, 0.4))
+    assert rule(latency=0.01, **explicit) == pytest.approx((0.003, 0.4, 200.0))
+    assert rule(latency=0.01, estimator_bandwidth=1000.0) == pytest.approx((0.015, 0.1, 1000.0))
 
 
 def test_latency_zero_has_no_further_state() -> None:

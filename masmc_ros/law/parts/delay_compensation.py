@@ -26,7 +26,7 @@ from typing import NamedTuple
 from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.parts import moving_base
 from masmc_ros.law.parts.slip import backed_off
-from masmc_ros.law.parts.velocity_estimator import ESTIMATED
+from masmc_ros.law.parts.velocity_estimator import ESTIMATED, filter_bandwidth
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.aliases import Joints, Numbers, Record
 from masmc_ros.numerics.arrays import read_along, write_along
@@ -66,6 +66,14 @@ A smaller one is more accurate and tolerates smaller errors of latency and masse
 
 SLOPE = 0.3
 """Gain beta_2 of the slope, as a multiple of beta squared."""
+
+BANDWIDTH = 200.0
+"""
+Default bandwidth in rad/s of the observer for angles without velocities.
+
+A faster one turns steps of the encoders into torques. Heavy joints and those close to their torque
+limit then lose the path.
+"""
 
 LONGEST_STEP = 0.005
 """Longest step of the model in s."""
@@ -408,7 +416,7 @@ def observer_gains(
     Parameters
     ----------
     bandwidth
-        Parameter `estimator_bandwidth` in rad/s.
+        Bandwidth of the observer in rad/s, see `BANDWIDTH`.
     period
         Time T since the last computed tick in s.
     gain
@@ -459,7 +467,7 @@ def _follow_state(
         )
         slope_gain = settings.compensation_slope * gain * gain
         if is_estimated:
-            bandwidth = settings.estimator_bandwidth
+            bandwidth = filter_bandwidth(settings, BANDWIDTH)
             gains = observer_gains(bandwidth, elapsed, gain, slope_gain)
             missed = elementwise(minus, tail(position, rates), tail(reached, rates))
             angles = elementwise(moved, tail(reached, rates), missed, gains[0])

@@ -36,17 +36,26 @@ PARAMETERS = (
     ),
     Parameter(
         'estimator_bandwidth',
-        1000.0,
-        'Bandwidth of the velocity estimator',
+        0.0,
+        'Bandwidth of the velocity estimator; 0: 1000, with compensation of latency 200',
         unit='rad/s',
         minimum=0.0,
-        exclusive_minimum=True,
         read_only=False,
     ),
 )
 
+BANDWIDTH = 1000.0
+"""Default bandwidth in rad/s without compensation of latency."""
+
 _UNMODELLED = 0.1
 """Rate of the disturbance estimate relative to that of a filter of third order."""
+
+
+@formula
+def filter_bandwidth(settings: Settings, default: float) -> float:
+    """Return the bandwidth in rad/s: `estimator_bandwidth`, or the default one if it is 0."""
+    chosen = settings.estimator_bandwidth
+    return chosen if chosen > 0.0 else default
 
 
 @formula
@@ -181,7 +190,7 @@ def estimate_rates(
         memory.rates = elementwise(zero, angles)
         memory.unmodelled = elementwise(zero, angles)
         return
-    gain = gains(settings.estimator_bandwidth, period)
+    gain = gains(filter_bandwidth(settings, BANDWIDTH), period)
     a = elementwise(zero, angles)
     if knows_torques:
         model = mechanism.model_of(settings)
