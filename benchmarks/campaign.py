@@ -26,7 +26,7 @@ from benchmarks.kernel import compared_with_c
 from benchmarks.measure import compared, Measure
 from masmc_ros.campaign.campaign import Campaign, campaign_of
 from masmc_ros.campaign.draws import draw
-from masmc_ros.campaign.engine import carry_out
+from masmc_ros.campaign.engine import carry_out, part_size
 from masmc_ros.campaign.part import evaluated, rows, rows_of_text
 from masmc_ros.campaign.runs import LANES
 from masmc_ros.share import scenario_file
@@ -153,12 +153,13 @@ def _campaign(runs: int, *settings: str, file: str = 'paper') -> Campaign:
     )
 
 
-def _throughput(campaign: Campaign, **where: Any) -> float:
-    """Return the runs per second of a campaign whose dataset is written, without start-up."""
+def _throughput(campaign: Campaign, **where: Any) -> tuple[float, float]:
+    """Return runs per second with the dataset, without start-up, and this process's time in s."""
     with tempfile.TemporaryDirectory() as folder:
-        start = time.perf_counter()
+        start, processor = time.perf_counter(), time.process_time()
         carry_out(campaign, Path(folder), **where)
-        return campaign.total / (time.perf_counter() - start)
+        rate = campaign.total / (time.perf_counter() - start)
+        return rate, time.process_time() - processor
 
 
 def _of_clusters(sizes: Sizes) -> Iterator[Measure]:
@@ -167,24 +168,27 @@ def _of_clusters(sizes: Sizes) -> Iterator[Measure]:
 
     campaign = _campaign(sizes.runs)
     rows(campaign, 0, LANES)
-    threads = Measure('runs/s in one thread', _throughput(campaign, threads=1), '/s')
+    threads = Measure('runs/s in one thread', _throughput(campaign, threads=1)[0], '/s')
     yield threads
-    yield compared('the same, two threads', _throughput(campaign, threads=2), '/s', threads)
+    yield compared('the same, two threads', _throughput(campaign, threads=2)[0], '/s', threads)
     for count in WORKERS:
         with LocalCluster(
             n_workers=count, threads_per_worker=1, dashboard_address=':0', silence_logs='CRITICAL'
         ) as cluster, cluster.get_client() as client:
             # All workers have imported and compiled before the measurement.
             client.run(rows_of_text, Campaign, campaign.text, 0, LANES)
-            rate = _throughput(campaign, scheduler=cluster.scheduler_address)
+            rate, own = _throughput(campaign, scheduler=cluster.scheduler_address)
             workers = 'Dask worker' if count == 1 else 'Dask workers'
             yield compared(f'the same, {count} {workers}', rate, '/s', threads)
             if count == 1:
-                yield from _of_parts(sizes.short_parts, cluster.scheduler_address)
+                size = part_size(campaign, count)
+                name = f'scheduler, client, dataset: a part of {size} runs'
+                yield Measure(name, 1e3 * own * size / campaign.total, 'ms')
+                yield _short_parts(sizes.short_parts, cluster.scheduler_address)
 
 
-def _of_parts(count: int, scheduler: str) -> Iterator[Measure]:
-    """Yield the wall time of a part beyond that of its runs, and the coordinator's time."""
+def _short_parts(count: int, scheduler: str) -> Measure:
+    """Return the time of a part on one worker in addition to that of its runs."""
     from masmc_ros.campaign.dask import Cluster
 
     campaign = _campaign(count * LANES, 'duration=0.002')
@@ -192,14 +196,12 @@ def _of_parts(count: int, scheduler: str) -> Iterator[Measure]:
     start = time.perf_counter()
     for part in parts:
         rows(campaign, *part)
-    embedded = time.perf_counter() - start
+    middle = time.perf_counter()
     with Cluster(scheduler) as cluster:
-        start, processor = time.perf_counter(), time.process_time()
         for _ in cluster.computed(campaign, parts):
             pass
-        wall, own = time.perf_counter() - start, time.process_time() - processor
-    yield Measure('Dask, a part, in addition to its runs', 1e3 * (wall - embedded) / count, 'ms')
-    yield Measure('scheduler and client, a part, processor time', 1e3 * own / count, 'ms')
+    added = time.perf_counter() - middle - (middle - start)
+    return Measure('Dask, a part in addition to its runs', 1e3 * added / count, 'ms')
 
 
 def _of_trees(count: int) -> Iterator[Measure]:

@@ -138,7 +138,8 @@ def test_tuned_file_of_heavy_late_robot_runs_in_nodes(tmp_path: Path) -> None:
         'controller.observer_gain': '0.001:1:log',
     }
     settings = {**TWICE_AS_HEAVY, **LATE, 'plant.velocity_noise': 0.02, 'duration': 4.0}
-    tuned = masmc.tune('robust', ranges, evaluations=64, settings=settings)
+    objectives = ('end_effector_rms', 'platform_rms')
+    tuned = masmc.tune('robust', ranges, objectives=objectives, evaluations=64, settings=settings)
     assert tuned.search.start.objectives == (math.inf, math.inf)
     file, log = tmp_path / 'tuned.yaml', tmp_path / 'run.mcap'
     tuned.write(file)
@@ -147,7 +148,6 @@ def test_tuned_file_of_heavy_late_robot_runs_in_nodes(tmp_path: Path) -> None:
         arguments = ros_arguments(file, plant__wait_for=waits, recorder__output=log)
         nodes = started.start_all(*arguments)
         assert started.wait() == dict.fromkeys(nodes, 0), started.output()
-    reached = metrics(masmc.read(log))
-    rms = next(iter(reached.points.values())).rms
-    assert (rms, reached.torque_variation) == pytest.approx(tuned.search.chosen.objectives)
-    assert rms < 1.0e-3
+    reached = [point.rms for point in metrics(masmc.read(log)).points.values()]
+    assert reached == pytest.approx(tuned.search.chosen.objectives)
+    assert max(reached) < 1.0e-3
