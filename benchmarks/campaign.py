@@ -175,8 +175,9 @@ def _of_clusters(sizes: Sizes) -> Iterator[Measure]:
         with LocalCluster(
             n_workers=count, threads_per_worker=1, dashboard_address=':0', silence_logs='CRITICAL'
         ) as cluster, cluster.get_client() as client:
-            # All workers have imported and compiled before the measurement.
+            # All processes have imported and compiled before the measurement.
             client.run(rows_of_text, Campaign, campaign.text, 0, LANES)
+            _throughput(_campaign(LANES), scheduler=cluster.scheduler_address)
             rate, own = _throughput(campaign, scheduler=cluster.scheduler_address)
             workers = 'Dask worker' if count == 1 else 'Dask workers'
             yield compared(f'the same, {count} {workers}', rate, '/s', threads)
