@@ -4,8 +4,8 @@
 """
 Runs of all laws for docs/reference/laws/comparison.md: `python tools/compare_laws.py [NAME ...]`.
 
-A name is a part of PARTS; without names all parts are computed. The results replace those in
-docs/reference/laws/comparison.csv, from which `python tools/tables.py` writes the tables.
+A name is a part of PARTS, or `tuned`; without names all parts are computed. The results replace
+those in docs/reference/laws/comparison.csv, from which `python tools/tables.py` writes the tables.
 """
 
 from __future__ import annotations
@@ -13,18 +13,28 @@ from __future__ import annotations
 from collections.abc import Mapping
 import csv
 from itertools import islice
+import math
 import os
 from pathlib import Path
 import sys
 from typing import Any, NamedTuple
 
-from masmc_ros import compare_laws
+from masmc_ros import compare_laws, load
+from masmc_ros.campaign.part import metric_columns
+from masmc_ros.campaign.threads import processors
+from masmc_ros.campaign.tune import Candidate, Evaluation, Range, tuned
+from masmc_ros.campaign.variable import Variable
+from masmc_ros.compare.campaign import comparison_of
 from masmc_ros.law import registry
+from masmc_ros.report.measure.metrics import Metrics
+from masmc_ros.report.measure.table import Column
+import numpy as np
 
 ROOT = Path(__file__).resolve().parent.parent
 RESULTS = ROOT / 'docs' / 'reference' / 'laws' / 'comparison.csv'
 COLUMNS = ('part', 'law', 'switching', 'trial', 'runs', 'lost', 'error', 'worst',
-           'end_effector_rms', 'platform_rms', 'torque_rms', 'torque_variation')  # fmt: skip
+           'end_effector_rms', 'platform_rms', 'torque_rms', 'torque_variation',
+           'gains')  # fmt: skip
 
 _SAME = 'input_output_decoupling'
 """Law with the torque of `nonlinear_feedback`, which is not computed again."""
@@ -73,10 +83,43 @@ PARTS = {
 }
 """Parts of the comparison by name."""
 
+DEFAULT, TUNED, COMMON = 'default gains', 'tuned', 'tuned at 1000 N·m/s'
+"""
+Parts with the same robots: the default gains, and tuned gains with the smallest error at no more
+variation than the default gains, and at no more than VARIATION.
+"""
+
+VARIATION = 1000.0
+"""Largest variation of the torques in N·m/s that all laws have in common."""
+
+CANDIDATES, SPAN = 192, 5.0
+"""Candidates of each law, and range of a gain around its default as a factor."""
+
+ROBOTS, SEARCH, SELECTION = 250, 8, 32
+"""Robots of the results; others of each candidate, and of the best candidates."""
+
+BEST = 6
+"""Number of candidates that run with the robots of the selection."""
+
+SHORTER = 'duration=6.0'
+"""Setting of the runs of the search."""
+
+
+def _error(metrics: Metrics) -> float:
+    return math.hypot(*(reached.rms for reached in metrics.points.values()))
+
+
+ERROR = Column('error', 'm', 'error', 'mm', 1.0e3, _error)
+"""RMS error of all points together."""
+
 
 def main() -> None:
     """Compute the parts, and write their results after every few laws."""
-    for name in sys.argv[1:] or PARTS:
+    for name in sys.argv[1:] or (*PARTS, TUNED):
+        if name == TUNED:
+            for law in LAWS:
+                _write(_tuned(law))
+            continue
         part, laws = PARTS[name], iter(PARTS[name].laws)
         while group := tuple(islice(laws, os.cpu_count() or 1)):
             table = compare_laws(
@@ -88,6 +131,73 @@ def main() -> None:
             )
             _write([{'part': name, **row} for row in table.to_pylist()])
     print('run: python tools/tables.py')
+
+
+def _tuned(law: str) -> list[dict[str, Any]]:
+    """Tune a law, and compute its default and its tuned gains with other robots."""
+    part = PARTS['robots']
+    scenario = load(part.scenario, part.settings)
+    evaluations = []
+    for first, count, settings in ((ROBOTS, SEARCH, (SHORTER,)), (ROBOTS + SEARCH, SELECTION, ())):
+        comparison = comparison_of(
+            scenario.file, (*scenario.settings, *settings), law, part.trials, first + count
+        )
+        ranges = _ranges(law, comparison.scenario['controller'])
+        mechanism = comparison.mechanism
+        variables = [Variable.named(entry.name, mechanism, law) for entry in ranges]
+        known = {column.name: column for column in metric_columns(mechanism)}
+        evaluations.append(Evaluation(
+            list(comparison.runs(first, count)),
+            comparison.most_lanes,
+            variables,
+            (ERROR, known['torque_variation']),
+            100.0,
+            processors(),
+        ))
+    search, selection = evaluations
+    result = tuned(search, ranges, evaluations=CANDIDATES, seed=0)
+    start = result.start._replace(objectives=selection([None])[0])
+    rows = [{'part': DEFAULT, **_computed(part, law, start)}]
+    own = (result.start.objectives[1], start.objectives[1])
+    for name, limits in ((TUNED, own), (COMMON, (VARIATION, VARIATION))):
+        below = [c for c in result.candidates if c.objectives[1] <= limits[0]]
+        best = sorted(below, key=_objectives)[:BEST]
+        reached = selection([list(c.values.values()) for c in best]) if best else []
+        final = [c._replace(objectives=r) for c, r in zip(best, reached, strict=True)]
+        allowed = [c for c in (start, *final) if c.objectives[1] <= limits[1]]
+        if allowed:
+            rows.append({'part': name, **_computed(part, law, min(allowed, key=_objectives))})
+    print(law, flush=True)
+    return rows
+
+
+def _objectives(candidate: Candidate) -> tuple[float, float]:
+    return candidate.objectives
+
+
+def _computed(part: Part, law: str, candidate: Candidate) -> dict[str, Any]:
+    """Return the row of a law with the gains of a candidate."""
+    gains = {name: float(f'{value:.3g}') for name, value in candidate.values.items()}
+    settings = {**part.settings, **gains}
+    table = compare_laws(
+        part.scenario, [law], trials=part.trials, seeds=ROBOTS, settings=settings
+    )
+    return {**table.to_pylist()[0], 'gains': ' '.join(f'{n}={v:g}' for n, v in gains.items())}
+
+
+def _ranges(law: str, values: Mapping[str, Any]) -> list[Range]:
+    """Return the ranges of the gains of a law and its switching term that are not 0."""
+    name, _, switching = law.partition(':')
+    declared = [*registry.LAWS[name].parameters]
+    declared += registry.REACHING[switching].parameters if switching else ()
+    largest = {p.name: getattr(p, 'maximum', None) or math.inf for p in declared}
+    kinds = {p.name: getattr(p, 'kind', 'double') for p in declared}
+    gains = {n: float(np.max(values[n])) for n, kind in kinds.items() if kind == 'double'}
+    return [
+        Range(f'controller.{n}', value / SPAN, min(SPAN * value, largest[n]), True)
+        for n, value in gains.items()
+        if value > 0.0
+    ]
 
 
 def _write(rows: list[dict[str, Any]]) -> None:
@@ -103,7 +213,7 @@ def _write(rows: list[dict[str, Any]]) -> None:
         writer.writerows(sorted([*kept, *rows], key=_place))
 
 
-_NUMBERS = frozenset(COLUMNS[6:])
+_NUMBERS = frozenset(COLUMNS[6:-1])
 
 
 def _key(row: Mapping[str, Any]) -> tuple[str, ...]:
@@ -112,7 +222,7 @@ def _key(row: Mapping[str, Any]) -> tuple[str, ...]:
 
 def _place(row: Mapping[str, Any]) -> tuple[int, int]:
     name = f'{row["law"]}:{row["switching"]}'.rstrip(':')
-    return list(PARTS).index(row['part']), LAWS.index(name)
+    return [*PARTS, DEFAULT, TUNED, COMMON].index(row['part']), LAWS.index(name)
 
 
 if __name__ == '__main__':

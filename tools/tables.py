@@ -103,6 +103,7 @@ def _comparison() -> dict[str, str]:
     conditions = [row for row in rows if row['part'] == 'conditions']
     known['conditions'] = _by_trials(conditions, _CONDITIONS, _error)
     known['robots'] = _robots([row for row in rows if row['part'].startswith('robots')])
+    known['tuned'] = _tuned(rows)
     return known
 
 
@@ -149,6 +150,24 @@ def _robots(rows: list[Result]) -> str:
     return '\n'.join(lines) + '\n'
 
 
+def _tuned(rows: list[Result]) -> str:
+    """Return the table of default and tuned gains on the same robots, by the tuned error."""
+    parts = ('default gains', 'tuned', 'tuned at 1000 N·m/s')
+    by_law = {(row['part'], _label(row)): row for row in rows}
+    lines = ['| law | default | worst | variation | tuned | worst | variation '
+             '| ≤ 1000 N·m/s | worst | variation |']  # fmt: skip
+    lines.append(f'|---|{"---:|" * 3 * len(parts)}')
+    for row in sorted((row for row in rows if row['part'] == 'tuned'), key=_size):
+        cells = [_label(row)]
+        for part in parts:
+            known = by_law.get((part, _label(row)))
+            cells += (
+                [_error(known), _worst(known), _variation(known)] if known else ['-'] * 3
+            )
+        lines.append(f'| {" | ".join(cells)} |')
+    return '\n'.join(lines) + '\n'
+
+
 def _label(row: Result) -> str:
     name = f'[`{row["law"]}`]({row["law"]}.md)'
     return f'{name}, {row["switching"]}' if row['switching'] else name
@@ -169,6 +188,10 @@ def _error(row: Result) -> str:
         return 'lost'
     text = _short(SMALL * float(row['error']))
     return text if row['lost'] == '0' else f'{text} ({row["lost"]})'
+
+
+def _worst(row: Result) -> str:
+    return _short(SMALL * float(row['worst'])) if row['worst'] else 'lost'
 
 
 def _variation(row: Result) -> str:

@@ -176,7 +176,12 @@ def search(
         raise InputError(f'--objective: {len(objectives)} given; expected two')
     first, second = (metric_named(campaign, name, '--objective') for name in objectives)
     evaluate = Evaluation(
-        campaign, variables, (first, second), percentile, threads or processors()
+        list(campaign.runs(0, campaign.total)),
+        campaign.most_lanes,
+        variables,
+        (first, second),
+        percentile,
+        threads or processors(),
     )
     with tqdm(total=evaluations, unit='candidate', disable=None) as progress:
         result = tuned(

@@ -147,19 +147,22 @@ class Evaluation:
 
     def __init__(
         self,
-        campaign: Campaign,
+        runs: Sequence[Run],
+        lanes: int,
         variables: Sequence[Variable],
         objectives: Sequence[Column],
         percentile: float,
         threads: int,
     ) -> None:
         """
-        Initialise the evaluation with the runs of a campaign.
+        Initialise the evaluation.
 
         Parameters
         ----------
-        campaign
-            Campaign whose runs are those of each candidate.
+        runs
+            Runs of each candidate.
+        lanes
+            Number of runs that are computed side by side.
         variables
             Searched parameters.
         objectives
@@ -170,10 +173,9 @@ class Evaluation:
             Number of threads.
 
         """
-        self._runs = list(campaign.runs(0, campaign.total))
+        self._runs, self._lanes = runs, lanes
         self._variables, self._objectives = variables, objectives
         self._percentile, self._threads = percentile, threads
-        self._lanes = campaign.most_lanes
 
     def __call__(
         self, candidates: Sequence[Sequence[float] | None]

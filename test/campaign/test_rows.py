@@ -175,9 +175,7 @@ def test_monte_carlo_continues_after_sigkill(tmp_path: Path) -> None:
     process.wait()
     assert main(options) == 0
     campaign = campaign_with(runs)
-    table = Dataset(folder / 'runs', campaign).table()
-    assert table['run'].to_pylist() == list(range(runs))
-    assert_equal({n: v[600:] for n, v in arrays(table).items()}, rows(campaign, 600, 40))
+    assert_equal(arrays(Dataset(folder / 'runs', campaign).table()), rows(campaign, 0, runs))
 
 
 def test_commands_print_percentiles_best_point_and_lost_runs(

@@ -6,17 +6,22 @@
 from __future__ import annotations
 
 import csv
+import math
 from pathlib import Path
 
 from helpers.campaigns import PAPER
+from helpers.processes import processes, ros_arguments
 from hypothesis import given
 from hypothesis import strategies as st
+import masmc_ros as masmc
 from masmc_ros.campaign.campaign import campaign_of
 from masmc_ros.campaign.part import rows
 from masmc_ros.campaign.tune import Candidate, pareto_front, searched, variables_of
 from masmc_ros.campaign.tuned_file import tuned_file
 from masmc_ros.cli.main import main
 from masmc_ros.params.scenario import load_scenario
+from masmc_ros.report.measure.metrics import metrics
+from masmc_ros.robot.two_link.paper_robot import TWO_LINK
 import numpy as np
 import pytest
 
@@ -112,3 +117,37 @@ def test_tuned_gains_surpass_those_of_the_robust_configuration(
         table = list(csv.reader(stream))
     assert table[0][:2] == ['end_effector_rms (m)', 'torque_variation (N·m/s)']
     assert len(table) >= 2
+
+
+TWICE_AS_HEAVY = {
+    f'plant.{p.name}': 2.0 * p.default
+    for p in TWO_LINK.parameters
+    if p.unit in ('kg', 'kg·m²')
+}
+
+LATE = {'plant.measurement_delay': 0.005, 'plant.command_delay': 0.005}
+
+
+@pytest.mark.slow
+def test_tuned_file_of_heavy_late_robot_runs_in_nodes(tmp_path: Path) -> None:
+    """The gains of the robust configuration diverge on this robot; the written ones do not."""
+    ranges = {
+        'controller.k_s1': '5:200:log',
+        'controller.k_s2': '1:200:log',
+        'controller.sigma': '0.5:20:log',
+        'controller.observer_gain': '0.001:1:log',
+    }
+    settings = {**TWICE_AS_HEAVY, **LATE, 'plant.velocity_noise': 0.02, 'duration': 4.0}
+    objectives = ('end_effector_rms', 'platform_rms')
+    tuned = masmc.tune('robust', ranges, objectives=objectives, evaluations=64, settings=settings)
+    assert tuned.search.start.objectives == (math.inf, math.inf)
+    file, log = tmp_path / 'tuned.yaml', tmp_path / 'run.mcap'
+    tuned.write(file)
+    with processes(tmp_path) as started:
+        waits = '[controller, trajectory, recorder]'
+        arguments = ros_arguments(file, plant__wait_for=waits, recorder__output=log)
+        nodes = started.start_all(*arguments)
+        assert started.wait() == dict.fromkeys(nodes, 0), started.output()
+    reached = [point.rms for point in metrics(masmc.read(log)).points.values()]
+    assert reached == pytest.approx(tuned.search.chosen.objectives)
+    assert max(reached) < 1.0e-3
