@@ -90,7 +90,7 @@ def git_state() -> str:
     with suppress(OSError, subprocess.SubprocessError):
         command = ('git', 'describe', '--always', '--dirty', '--abbrev=12', '--exclude=*')
         done = subprocess.run(
-            command, cwd=_PACKAGE, capture_output=True, text=True, timeout=5.0, check=True
+            command, cwd=_PACKAGE, capture_output=True, text=True, timeout=60.0, check=True
         )
         return done.stdout.strip()
     return ''
