@@ -66,6 +66,27 @@ def test_enable_after_ten_minutes_stays_bounded() -> None:
     pause_and_continue(CoreLoop(node_values()), 5.0, 600.0, 30.0)
 
 
+@pytest.mark.parametrize(
+    ('offset', 'amplitude', 'frequency', 'phase', 'y'),
+    [(-0.25, 0.125, 0.875, (0.0, 4.0), 2.5), (0.234375, 0.25, 1.0, (2.0, 4.0), 1.5)],
+)
+def test_start_with_stretched_arm_far_from_moving_reference_stays_active(
+    offset: float, amplitude: float, frequency: float, phase: tuple[float, float], y: float
+) -> None:
+    """The elbow is bent far enough to remain bent during the approach."""
+    values = node_values(
+        trajectory={
+            'line_sine.offset': [offset, 0.0, 0.0, 0.0],
+            'line_sine.slope': [0.0, 0.0, 0.0, 0.0],
+            'line_sine.amplitude': [0.0, 0.25, 0.0, amplitude],
+            'line_sine.frequency': [0.0, frequency, 0.0, 1.0],
+            'line_sine.phase': [0.0, phase[0], 0.0, phase[1]],
+        },
+        plant={'initial_joints': [0.0, 0.0, 0.0, 0.0], 'initial_pose': [0.0, y, 0.0]},
+    )
+    pause_and_continue(CoreLoop(values), 2.0, 1.0, 8.0)
+
+
 def scenario_of(data: st.DataObject) -> dict[str, dict[str, Any]]:
     """Draw a random position of the robot and a path within the reach of its arm."""
 

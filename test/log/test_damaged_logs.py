@@ -135,9 +135,9 @@ def chunks_in(data: bytes, whole: bytes) -> Iterator[list[tuple[str, int, bytes]
 
 
 def starts(data: bytes) -> Iterator[int]:
-    """Yield the places of the records that the lengths of earlier ones lead to."""
+    """Yield the places of records up to one of a wrong length or of the invalid opcode 0."""
     place = 8
-    while place + 9 <= len(data):
+    while place + 9 <= len(data) and data[place]:
         yield place
         place += 9 + int.from_bytes(data[place + 1:place + 9], 'little')
 

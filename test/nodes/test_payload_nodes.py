@@ -64,8 +64,9 @@ def test_picked_up_payload_is_published_and_recomputed(
     # There is no report before the pick-up.
     assert min(published) > 4.5e9
     last = published[max(published)].inertia
-    assert last.m == pytest.approx(MASS, rel=0.02)
-    assert last.com.x == pytest.approx(0.0, abs=0.01)
+    # The last one that is published depends on the speed of the machine.
+    assert last.m == pytest.approx(MASS, rel=0.2 if settings else 0.02)
+    assert last.com.x == pytest.approx(0.0, abs=0.03)
     assert np.isnan([last.com.y, last.com.z, last.ixx]).all()
     assert published[max(published)].header.frame_id == 'end_effector'
     assert 'announce it with: ros2 param set /controller payload.com' in output
@@ -87,6 +88,7 @@ def test_picked_up_payload_is_published_and_recomputed(
             estimate = estimator.estimate()
             if estimate is not None and estimate.is_significant:
                 masses[stamp] = estimate.load.mass
+                assert abs(estimate.load.mass - MASS) < 3.0 * estimate.load.mass_error + 1e-3
     assert {stamp: message.inertia.m for stamp, message in published.items()}.items() <= (
         masses.items()
     )

@@ -29,7 +29,7 @@ from masmc_ros.robot.approach_blend import decayed, returned, task_state
 import numpy as np
 from numpy.typing import NDArray
 
-_STRETCHED, _BENT = 0.2, 0.4
+_STRETCHED, _BENT = 0.4, 0.8
 """Angles in rad from a stretched or folded elbow: too close to it, and regular."""
 
 _AHEAD = 0.25
