@@ -182,6 +182,7 @@ def test_elastic_joints_of_mujoco_equal_those_of_rigid_plant(wheels: float) -> N
 
 def test_elastic_joints_of_omnidirectional_base_raise_with_mujoco() -> None:
     pytest.importorskip('mujoco')
+    pytest.importorskip('pinocchio')  # it is installed with the robots
     panda = load_scenario(
         str(Path(PAPER).with_name('franka_on_omni.yaml')),
         ('plant.physics=mujoco', 'plant.joint_stiffness=10000.0'),
