@@ -193,7 +193,7 @@ class PageRun:
             case ['masmc' | 'ros2', 'param', *arguments]:
                 if not self._nodes:  # the page assumes running nodes
                     self._start(['controller'])
-                arguments = ['param', *arguments, '--timeout', '60']
+                arguments = ['param', *arguments, '--timeout', '180']
                 # A negative number after the options would be one.
                 if len(words) > 4 and words[-1].startswith('-'):
                     arguments.remove(words[-1])
@@ -257,7 +257,7 @@ class PageRun:
         )
         responding = 'controller' if name == 'composed' else name
         try:
-            self._masmc(['param', 'list', f'/{responding}', '--timeout', '60'])
+            self._masmc(['param', 'list', f'/{responding}', '--timeout', '180'])
         except AssertionError:
             raise AssertionError(self._output(name)) from None
 
