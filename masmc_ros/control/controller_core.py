@@ -729,6 +729,9 @@ class ControllerCore:
                 text = 'states were missing for longer than state_timeout; the controller restarts'
                 self._more.append(Line('warning', text))
         self._lateness.restart()
+        if not self._stop.commands:
+            # The last command is not in effect any more.
+            self.controller.output_not_applied()
         self._pending = None
         self._activation = -1
         self._was_computed = None

@@ -324,11 +324,10 @@ class SafeStop:
         self.action = VOID
 
     def hand_over(self) -> None:
-        """Restart the controller from the last commanded torque."""
+        """Restart the controller from the last commanded torque, zero after a void command."""
         commanded = self._controller.commanded.copy()
         self._controller.reset()
-        if self.commands:
-            self._controller.commanded[:] = commanded
+        self._controller.commanded[:] = commanded
         self.action = VOID
 
     def _largest_gain(self) -> float:

@@ -124,6 +124,20 @@ def test_safe_stop_disable_and_enable_torque_continuous() -> None:
     assert (change <= rate * loop.period * (1.0 + 1e-9)).all()
 
 
+def test_disable_and_enable_between_states_torque_continuous() -> None:
+    """No void command was sent, so the drives have the last torque of the law."""
+    rate = 20.0
+    limits = {'fault_action': 'void', 'torque_rate_limit': rate}
+    loop = CoreLoop(node_values({'pacing': 'lockstep'}, controller=limits))
+    torques = [loop.run(2.0)['torque']]
+    assert np.abs(torques[0][-1]).max() > 2.0 * rate * loop.period
+    for enabled in (False, True):
+        loop.perform(loop.core.on_enable(loop.now, enabled=enabled))
+    torques.append(loop.run(0.1)['torque'])
+    change = np.abs(np.diff(np.concatenate(torques), axis=0))
+    assert (change <= rate * loop.period * (1.0 + 1e-9)).all()
+
+
 def test_hand_guiding_end_starts_approach() -> None:
     loop = CoreLoop(node_values(plant={'disturbance.amplitude': [0.0] * 4}))
     loop.run(3.0)

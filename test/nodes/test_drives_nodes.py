@@ -132,10 +132,8 @@ def check_stop_and_return(log: Path) -> None:
             held.append(k)
         else:
             if k > 1:
-                # The torque starts at zero when the robot is at rest, and if the controller was
-                # disabled and enabled between two ticks.
-                steps = np.minimum(np.abs(torque - before), np.abs(torque))
-                assert (steps <= RATE_LIMIT * PERIOD + 1e-9).all(), k
+                # The torque starts at zero when the robot is at rest.
+                assert (np.abs(torque - before) <= RATE_LIMIT * PERIOD + 1e-9).all(), k
             assert k < 1000 or (np.abs(torque) < [4.0, 4.0, 10.0, 8.0]).all(), k
             longest = max(longest, len(held))
             if len(held) > 1000:
