@@ -12,9 +12,8 @@ reference and its regressor are evaluated. d is an acceleration of the mechanism
     f = (v - v_model) / T,   delta <- delta + beta_2 f,   d <- d + beta f + delta,
 
 and the torque of any law is reduced by H (d + (L / T + 1) delta). docs/theory/latency.md derives
-the gains. A base that follows velocities is
-predicted by its lag (`moving_base`). Without latency the compiled code contains none of this:
-`COMPENSATIONS` selects it.
+the gains. A base that follows velocities is predicted by its lag (`moving_base`). Without latency
+the compiled code contains none of this: `COMPENSATIONS` selects it.
 """
 
 from __future__ import annotations

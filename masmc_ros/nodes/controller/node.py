@@ -9,7 +9,7 @@ from collections.abc import Callable
 import math
 import sys
 import time
-from typing import Any, TypeVar
+from typing import Any, TYPE_CHECKING, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.msg import TransitionEvent
@@ -49,7 +49,6 @@ from masmc_ros.nodes.controller.command_output import BaseOutput, CommandOutput,
 from masmc_ros.nodes.controller.effort_echo import EffortEcho
 from masmc_ros.nodes.controller.health import ControllerHealth
 from masmc_ros.nodes.controller.lifecycle_services import LifecycleServices
-from masmc_ros.nodes.controller.payload_output import PayloadOutput
 from masmc_ros.nodes.controller.reference_input import ReferenceInput
 from masmc_ros.nodes.controller.state_input import StateInput
 from masmc_ros.nodes.controller.telemetry_output import ControllerTelemetry
@@ -73,6 +72,9 @@ from rclpy.context import Context
 from rclpy.impl.rcutils_logger import RcutilsLogger
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
+
+if TYPE_CHECKING:
+    from masmc_ros.nodes.controller.payload_output import PayloadOutput
 
 _WATCH_PERIOD = 0.02
 """Time in s between two checks for missing states and for compiled laws."""
@@ -106,6 +108,9 @@ class ControllerNode(SuiteNode):
         self._echo = EffortEcho(controller, self._background)
         self._payload: PayloadOutput | None = None
         if values['payload.estimation_time']:
+            # Imported here: other controllers need no identification.
+            from masmc_ros.nodes.controller.payload_output import PayloadOutput
+
             self._payload = PayloadOutput(controller, values, self._background, self.log)
         self._performers: dict[type, Callable[[Any], None]] = {
             Command: self._send,
