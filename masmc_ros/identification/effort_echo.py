@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from masmc_ros.identification.state_buffer import StateBuffer
 from masmc_ros.identification.timing import Estimate, LARGEST, Timing
 from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.compiled import kernel
@@ -63,10 +64,8 @@ class EchoBuffer:
     def __init__(self, joints: int, period: float) -> None:
         """Initialise an empty buffer for a control period in s."""
         count = max(_FEWEST, round(BURST / period))
-        self._stamps = np.zeros(count, np.int64)
-        self._effort, self._torque = np.zeros((2, count, joints))
-        self._longest, self._pause = round(2.5e9 * period), _PAUSE * count
-        self._count = self._last = self._skipped = 0
+        self._buffer = StateBuffer(count, (joints, joints), period)
+        self._pause, self._skipped = _PAUSE * count, 0
 
     def add(self, stamp: int, effort: Array, torque: Array) -> tuple[Array, Array, Array] | None:
         """
@@ -83,18 +82,12 @@ class EchoBuffer:
         if self._skipped:
             self._skipped -= 1
             return None
-        count, last, self._last = self._count, self._last, stamp
-        if not 0 < stamp - last <= self._longest:
-            count = 0
-        self._stamps[count], self._effort[count], self._torque[count] = stamp, effort, torque
-        self._count = count + 1
-        if self._count < len(self._stamps):
+        part = self._buffer.add(stamp, effort, torque)
+        if part is None:
             return None
-        self._count, self._skipped = 0, self._pause
-        if not self._effort.any():
-            return None
-        times = np.asarray(1e-9 * (self._stamps - self._stamps[0]), np.float64)
-        return times, self._effort.copy(), self._torque.copy()
+        self._skipped = self._pause
+        times, efforts, torques = part
+        return (times, efforts, torques) if efforts.any() else None
 
 
 class _Fit(NamedTuple):

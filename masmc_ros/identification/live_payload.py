@@ -22,6 +22,7 @@ from typing import NamedTuple
 
 from masmc_ros.identification.load import COULOMB_SHARE, EXPECTED_MOMENTS, Load, load_of
 from masmc_ros.identification.regressor import averaged
+from masmc_ros.identification.state_buffer import StateBuffer
 from masmc_ros.identification.timing import Estimate
 from masmc_ros.identification.windows import Average, average_of_held, sample_weights, windows_in
 from masmc_ros.numerics.aliases import Array
@@ -37,9 +38,6 @@ _SPACING = 0.01
 
 _HALF_PERIODS = 10
 """Intervals between used states in half of a window."""
-
-_LONGEST_GAP = 2.5
-"""Longest interval between states of a block, in control periods."""
 
 _LATENCY_ERROR = 0.005
 """Expected error of the latency in s."""
@@ -116,8 +114,7 @@ class PayloadEstimate(NamedTuple):
     @property
     def is_significant(self) -> bool:
         """Return True if the mass exceeds three standard errors, and explains the torques."""
-        load = self.load
-        return self.explained > _EXPLAINED and load.mass > max(3.0 * load.mass_error, _LIGHTEST)
+        return self.explained > _EXPLAINED and self.load.mass > self.load.margin(_LIGHTEST)
 
     @property
     def centre(self) -> Array:
@@ -131,12 +128,7 @@ class BlockBuffer:
     def __init__(self, positions: int, joints: int, period: float) -> None:
         """Initialise an empty buffer for a control period in s."""
         count = round(max(BLOCK, 10.0 * _HALF_PERIODS * period) / period) + 1
-        self._stamps = np.zeros(count, np.int64)
-        self._numbers = np.zeros((count, positions + 2 * joints))
-        parts = np.cumsum([positions, joints])
-        self._columns = [slice(0, parts[0]), slice(parts[0], parts[1]), slice(parts[1], None)]
-        self._longest = round(1e9 * _LONGEST_GAP * period)
-        self._count = self._last = 0
+        self._buffer = StateBuffer(count, (positions, joints, joints), period)
 
     def add(self, stamp: int, position: Array, rates: Array, torque: Array) -> Block | None:
         """
@@ -150,20 +142,8 @@ class BlockBuffer:
             Positions (positions), rates (joints) and commanded torques (joints).
 
         """
-        if not 0 < stamp - self._last <= self._longest:
-            self._count = 0
-        count, self._last = self._count, stamp
-        self._stamps[count] = stamp
-        row = self._numbers[count]
-        for column, values in zip(self._columns, (position, rates, torque), strict=True):
-            row[column] = values
-        self._count = count + 1
-        if self._count < len(self._stamps):
-            return None
-        self._count = 0
-        times = np.asarray(1e-9 * (self._stamps - self._stamps[0]), np.float64)
-        numbers = self._numbers.copy()
-        return Block(times, *(numbers[:, column] for column in self._columns))
+        part = self._buffer.add(stamp, position, rates, torque)
+        return None if part is None else Block(*part)
 
 
 class PayloadEstimator:
@@ -300,9 +280,10 @@ def described(
         return f'not known yet; expected {_FEWEST_BLOCKS} s of control'
     load, centre = estimate.load, estimate.centre
     mass = f'{round(load.mass, 3) + 0.0:.3f} ± {load.mass_error:.3f} kg'
-    differs = abs(load.mass - announced) > max(3.0 * load.mass_error, _LIGHTEST)
+    margin = load.margin(_LIGHTEST)
+    differs = abs(load.mass - announced) > margin
     if not estimate.is_significant:
-        if load.mass > max(3.0 * load.mass_error, _LIGHTEST):
+        if load.mass > margin:
             share = 100.0 * estimate.explained
             return (
                 f'not determined: {mass} would explain {share:.0f} % of the torques that the '

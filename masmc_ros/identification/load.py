@@ -41,6 +41,10 @@ class Load(NamedTuple):
     centre: Array
     centre_error: Array
 
+    def margin(self, least: float) -> float:
+        """Return three standard errors of the mass, at least `least`, in kg."""
+        return max(3.0 * self.mass_error, least)
+
 
 def load_of(
     moments: Array, covariance: Array, rotation: Array | None = None, origin: Array | None = None

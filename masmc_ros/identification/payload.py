@@ -14,7 +14,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from masmc_ros.identification.identify import Identified, Measured, Nominal, relative_error
-from masmc_ros.identification.load import EXPECTED_MOMENTS, load_of
+from masmc_ros.identification.load import EXPECTED_MOMENTS, Load, load_of
 from masmc_ros.numerics.aliases import Array
 import numpy as np
 
@@ -31,26 +31,21 @@ class Payload(NamedTuple):
 
     Attributes
     ----------
-    mass, mass_error
-        Mass in kg, and its standard error.
-    centre, centre_error
-        (3) Centre of mass in m, and its standard errors.
+    load
+        Mass in kg and centre of mass in m, with standard errors.
     residual
         (n) RMS of the torques that the payload does not explain, relative to the RMS torque.
 
     """
 
-    mass: float
-    mass_error: float
-    centre: Array
-    centre_error: Array
+    load: Load
     residual: Array
 
     @property
     def is_significant(self) -> bool:
         """Return True if the mass exceeds three standard errors, and explains the torques."""
         explains = bool((self.residual < _UNEXPLAINED).all())
-        return explains and self.mass > max(3.0 * self.mass_error, _LIGHTEST)
+        return explains and self.load.mass > self.load.margin(_LIGHTEST)
 
 
 def payload_of(
@@ -97,5 +92,5 @@ def payload_of(
     covariance = inverse @ inverse.T * excess
     moments = solution[:size] * expected
     covariance *= np.outer(expected, expected)
-    load = load_of(moments, covariance)
-    return Payload(*load, relative_error(torque, torque - remaining))
+    residual = relative_error(torque, torque - remaining)
+    return Payload(load_of(moments, covariance), residual)

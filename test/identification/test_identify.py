@@ -113,8 +113,8 @@ def test_payload_planar_mass_and_place_found() -> None:
     nominal = Nominal(robot, robot.theta, FRICTION)
     payload = payload_of(nominal, robot.payload_factors, run, identify(nominal, run))
     assert payload.is_significant
-    assert payload.mass == pytest.approx(mass, rel=0.01)
-    assert payload.centre[0] == pytest.approx(place, rel=0.01)
+    assert payload.load.mass == pytest.approx(mass, rel=0.01)
+    assert payload.load.centre[0] == pytest.approx(place, rel=0.01)
 
 
 @settings(max_examples=25, deadline=None)

@@ -91,8 +91,9 @@ def run(options: argparse.Namespace) -> int:
     )
     for direction in weak:
         print(fill(f'not excited: {direction.text}', WIDTH, subsequent_indent='  '))
-    load = payload_of(nominal, nominal.robot.payload_factors, equations, result)
-    if load.is_significant:
+    payload = payload_of(nominal, nominal.robot.payload_factors, equations, result)
+    if payload.is_significant:
+        load = payload.load
         place = ', '.join(
             f'{x:.3f} ± {error:.2g}' if error < _FARTHEST else 'unknown'
             for x, error in zip(load.centre, load.centre_error, strict=True)
@@ -100,7 +101,7 @@ def run(options: argparse.Namespace) -> int:
         print(fill(
             f'payload, if only the last link differs from the nominal robot: {load.mass:.3f} ± '
             f'{load.mass_error:.2g} kg at [{place}] m in its frame; unexplained torque '
-            f'{100.0 * load.residual.max():.2g} %', WIDTH, subsequent_indent='  ',
+            f'{100.0 * payload.residual.max():.2g} %', WIDTH, subsequent_indent='  ',
         ))
     if options.check is not None:
         other = measured(nominal.robot, samples_of(read_run(options.check)), options.check)
