@@ -12,11 +12,12 @@ from pathlib import Path
 import signal
 import subprocess
 import sys
+import time
 
 from distributed import LocalCluster
-from helpers.campaigns import assert_equal, campaign_with, PAPER
+from helpers.campaigns import assert_equal, campaign_with, DRAWS, PAPER, SETTINGS
 import masmc_ros
-from masmc_ros.campaign.dataset import arrays
+from masmc_ros.campaign.dataset import arrays, Dataset
 from masmc_ros.campaign.engine import carry_out
 from masmc_ros.campaign.part import rows
 from masmc_ros.cli.main import main
@@ -67,6 +68,30 @@ def test_rows_are_those_of_one_process_if_worker_is_killed(tmp_path: Path) -> No
     assert killed
     assert len(list(tmp_path.iterdir())) > 10
     assert_equal(arrays(dataset.table()), rows(campaign, 0, 640))
+
+
+def test_killed_coordinator_continues_on_the_same_cluster(tmp_path: Path) -> None:
+    folder, total = tmp_path / 'out', 640
+    options = ['monte-carlo', PAPER, '--runs', str(total), '--output', str(folder)]
+    options += [word for text in DRAWS for word in ('--draw', text)]
+    options += [word for text in SETTINGS for word in ('--set', text)]
+    with cluster_of(2) as cluster:
+        options += ['--scheduler', cluster.scheduler_address]
+        command = [sys.executable, '-m', 'masmc_ros.cli.main', *options]
+        coordinator = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+        try:
+            while coordinator.poll() is None and not list(folder.glob('runs/part-*.parquet')):
+                time.sleep(0.01)
+        finally:
+            coordinator.kill()
+            coordinator.wait()
+        known = {path: path.stat().st_mtime_ns for path in folder.glob('runs/part-*.parquet')}
+        assert known
+        assert main(options) == 0
+    assert len(list(folder.glob('runs/part-*.parquet'))) > len(known)
+    assert {path: path.stat().st_mtime_ns for path in known} == known
+    campaign = campaign_with(total)
+    assert_equal(arrays(Dataset(folder / 'runs', campaign).table()), rows(campaign, 0, total))
 
 
 def test_comparison_on_cluster_has_rows_of_threads() -> None:
