@@ -123,13 +123,21 @@ def measures(sizes: Sizes = FULL) -> Iterator[Measure]:
         costs.append(command_cost(sizes.runs, 2, settings))
         return costs[-1].processor / sizes.runs
 
-    with_processor_time = partial(compared_with_c, is_processor_time=True)
-    name = f'a run of {sizes.runs} of monte-carlo, processor time'
-    yield with_processor_time(name, seconds)
+    def cost_of_run(name: str, *settings: str) -> Iterator[Measure]:
+        time_of_run = partial(seconds, (*SETTINGS, *settings))
+        processor = compared_with_c(name, time_of_run, is_processor_time=True)
+        yield processor
+        wall = costs[-1].wall / costs[-1].processor
+        ratio = None if processor.ratio is None else wall * processor.ratio
+        yield Measure(
+            'its wall time, two threads', wall * processor.value, 'ms', processor.reference, ratio
+        )
+
+    yield from cost_of_run(f'a run of {sizes.runs} of monte-carlo, processor time')
     two = costs[-1]
     yield Measure('its memory', two.memory, 'MB')
     for name, setting in OTHERS.items():
-        yield with_processor_time(f'the same, {name}', partial(seconds, (*SETTINGS, setting)))
+        yield from cost_of_run(f'the same, {name}', setting)
     many = command_cost(sizes.many, 2, (*SETTINGS, 'duration=0.02'))
     yield Measure(f'memory of {sizes.many} runs of 20 ms', many.memory, 'MB')
     one = Measure('monte-carlo, one thread', command_cost(sizes.runs, 1).wall, 's')
