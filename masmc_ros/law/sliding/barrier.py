@@ -109,11 +109,24 @@ def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
 
 @formula
 def grown(
-    growth: float, inside: float, s: float, nu: float, excess: float, rate: float, period: float
+    growth: float,
+    inside: float,
+    s: float,
+    nu: float,
+    start: float,
+    excess: float,
+    rate: float,
+    period: float,
 ) -> float:
-    """Return the next growth; limits reduce |s| to the part of nu that is applied."""
+    """
+    Return the next growth; limits reduce |s| to the part of nu that is applied.
+
+    A gain that reaches s = 0 within the period does not grow: more would not act. A disturbance
+    that moves s by more than eps / 2 per period would otherwise let it grow without bound.
+    """
     part = realisable_part(s, excess, -nu / (s if s != 0.0 else 1.0))
-    return growth if inside > 0.0 else growth + period * rate * abs(part)
+    is_enough = abs(s) <= period * (start + growth)
+    return growth if (inside > 0.0) | is_enough else growth + period * rate * abs(part)
 
 
 @formula
@@ -126,6 +139,7 @@ def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: J
         inside,
         tick.surface,
         _requested(settings, tick, memory),
+        settings.barrier_start,
         limited_acceleration(tick, memory.estimate, raw, torque),
         settings.barrier_growth,
         tick.period,

@@ -40,12 +40,12 @@ def test_barrier_torque_matches_formula(seed: int) -> None:
         seed, LAW, **{f'{LAW}__{name}': tuple(value) for name, value in settings.items()}
     )
     size, outside = np.abs(at.surface), settings['start'].copy()
-    is_inside = size <= 0.5 * settings['width']
+    inside = size <= 0.5 * settings['width']
     for _ in range(3):
         next_size = [
-            next_distance(s, width, at.period * gain) if inside else max(s - at.period * k, 0.0)
-            for s, width, gain, inside, k in zip(
-                size, settings['width'], settings['gain'], is_inside, outside, strict=True
+            next_distance(s, width, at.period * gain) if active else max(s - at.period * k, 0.0)
+            for s, width, gain, active, k in zip(
+                size, settings['width'], settings['gain'], inside, outside, strict=True
             )
         ]
         nu = np.sign(at.surface) * (np.array(next_size) - size) / at.period
@@ -53,7 +53,8 @@ def test_barrier_torque_matches_formula(seed: int) -> None:
         np.testing.assert_allclose(
             tick(controller, at), at.model_torque(wanted), rtol=1e-9, atol=1e-8
         )
-        outside += np.where(is_inside, 0.0, at.period * settings['growth'] * size)
+        grows = ~inside & (size > at.period * outside)
+        outside += np.where(grows, at.period * settings['growth'] * size, 0.0)
 
 
 def largest_disturbance(period: float) -> float:
@@ -74,19 +75,25 @@ def test_barrier_sampled_bound_is_sharp(period: float) -> None:
         assert (largest < WIDTH) == stays
 
 
-def test_barrier_gain_outside_grows_until_surface_is_reached() -> None:
-    """The gain exceeds an unknown disturbance after a finite time, and is constant then."""
-    period, start, disturbance = 0.001, 2.0, 8.0
+@pytest.mark.parametrize('disturbance', [8.0, 12.0])
+def test_barrier_gain_outside_grows_until_surface_is_reached(disturbance: float) -> None:
+    """
+    The gain exceeds an unknown disturbance after a finite time, and is constant then.
+
+    The second disturbance moves s by more than eps / 2 per period, so s stays outside.
+    """
+    period, start = 0.001, 2.0
     s, inside, growth, gains = 0.3, 0.0, 0.0, []
     for _ in range(2000):
         inside = is_inside(inside, s, WIDTH)
         nu = surface_rate(s, inside, growth, start, WIDTH, GAIN, period)
-        growth = grown(growth, inside, s, nu, 0.0, 100.0, period)
+        growth = grown(growth, inside, s, nu, start, 0.0, 100.0, period)
         gains.append(growth)
         s += period * (nu + disturbance)
-    assert disturbance - start < gains[1000] < 20.0
+    assert disturbance - start < gains[1000] < 25.0
     assert len(set(gains[1000:])) == 1
     assert abs(s) < WIDTH
+    assert inside == (period * disturbance < 0.5 * WIDTH)
 
 
 @pytest.mark.slow
