@@ -66,6 +66,12 @@ _ROBOTS = {
     'controller.torque_rate_limit': [400.0, 400.0, 1000.0, 500.0],
 }
 
+_FAST = {**_ROBOTS, 'controller.torque_rate_limit': [4000.0, 4000.0, 10000.0, 5000.0]}
+"""The same with motors that reach their limit in 2 ms instead of 20 ms."""
+
+_WITHOUT = {'controller.observer_gain': 0.0}
+_IMPLICIT = tuple(name for name in LAWS if name.endswith(':implicit'))
+
 PARTS = {
     'paper': Part('paper', 'laws', 100),
     'robust': Part('robust', 'laws', 100),
@@ -74,11 +80,11 @@ PARTS = {
     ),
     'robots': Part('robust', 'as it is', 1000, _ROBOTS),
     'robots without estimate': Part(
-        'robust',
-        'as it is',
-        1000,
-        {**_ROBOTS, 'controller.observer_gain': 0.0},
-        tuple(name for name in LAWS if name.endswith(':implicit')),
+        'robust', 'as it is', 1000, {**_ROBOTS, **_WITHOUT}, _IMPLICIT
+    ),
+    'fast drives': Part('robust', 'as it is', 100, _FAST),
+    'fast drives without estimate': Part(
+        'robust', 'as it is', 100, {**_FAST, **_WITHOUT}, _IMPLICIT
     ),
 }
 """Parts of the comparison by name."""

@@ -102,7 +102,8 @@ def _comparison() -> dict[str, str]:
         known[f'variations {scenario}'] = _by_trials(of_scenario, _OF_LAWS, _variation)
     conditions = [row for row in rows if row['part'] == 'conditions']
     known['conditions'] = _by_trials(conditions, _CONDITIONS, _error)
-    known['robots'] = _robots([row for row in rows if row['part'].startswith('robots')])
+    for name in ('robots', 'fast drives'):
+        known[name] = _robots([row for row in rows if row['part'].startswith(name)])
     known['tuned'] = _tuned(rows)
     return known
 
@@ -138,7 +139,8 @@ def _robots(rows: list[Result]) -> str:
     lines = ['| law | median | worst | E | F | torque | variation | lost |']
     lines.append('|---|---:|---:|---:|---:|---:|---:|---:|')
     for row in sorted(rows, key=_size):
-        has_estimate = row['part'] == 'robots' and row['switching'] == IMPLICIT.name
+        is_without = row['part'].endswith('without estimate')
+        has_estimate = row['switching'] == IMPLICIT.name and not is_without
         errors = [row[name] for name in ('error', 'worst', 'end_effector_rms', 'platform_rms')]
         efforts = [row[name] for name in ('torque_rms', 'torque_variation')]
         cells = [

@@ -65,14 +65,14 @@ class Memory(fields.Memory):
 
 
 @formula
-def _inside(inside: float, s: float, width: float) -> float:
+def is_inside(inside: float, s: float, width: float) -> float:
     """Return 1 if the barrier is active, else 0."""
     entered = 1.0 if abs(s) <= 0.5 * width else inside
     return entered if abs(s) < width else 0.0
 
 
 @formula
-def _surface_rate(
+def surface_rate(
     s: float, inside: float, growth: float, start: float, width: float, gain: float, period: float
 ) -> float:
     """Return nu = (s+ - s) / T of one axis in m/s2."""
@@ -89,9 +89,9 @@ def _requested(settings: Settings, tick: Tick, memory: Memory) -> Axes:
     """Return nu."""
     width = settings.barrier_width
     return elementwise(
-        _surface_rate,
+        surface_rate,
         tick.surface,
-        elementwise(_inside, memory.barrier_inside, tick.surface, width),
+        elementwise(is_inside, memory.barrier_inside, tick.surface, width),
         memory.barrier_growth,
         settings.barrier_start,
         width,
@@ -108,24 +108,38 @@ def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
 
 
 @formula
-def _grown(
-    growth: float, inside: float, s: float, nu: float, excess: float, rate: float, period: float
+def grown(
+    growth: float,
+    inside: float,
+    s: float,
+    nu: float,
+    start: float,
+    excess: float,
+    rate: float,
+    period: float,
 ) -> float:
-    """Return the next growth; limits reduce |s| to the part of nu that is applied."""
+    """
+    Return the next growth; limits reduce |s| to the part of nu that is applied.
+
+    A gain that reaches s = 0 within the period does not grow: more would not act. A disturbance
+    that moves s by more than eps / 2 per period would otherwise let it grow without bound.
+    """
     part = realisable_part(s, excess, -nu / (s if s != 0.0 else 1.0))
-    return growth if inside > 0.0 else growth + period * rate * abs(part)
+    is_enough = abs(s) <= period * (start + growth)
+    return growth if (inside > 0.0) | is_enough else growth + period * rate * abs(part)
 
 
 @formula
 def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: Joints) -> None:
     """Increase the gain outside the barrier by the s that fits the commanded torque."""
-    inside = elementwise(_inside, memory.barrier_inside, tick.surface, settings.barrier_width)
+    inside = elementwise(is_inside, memory.barrier_inside, tick.surface, settings.barrier_width)
     growth = elementwise(
-        _grown,
+        grown,
         memory.barrier_growth,
         inside,
         tick.surface,
         _requested(settings, tick, memory),
+        settings.barrier_start,
         limited_acceleration(tick, memory.estimate, raw, torque),
         settings.barrier_growth,
         tick.period,

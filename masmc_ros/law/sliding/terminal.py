@@ -49,7 +49,7 @@ class Settings(fields.Settings):
 
 
 @formula
-def _commanded(
+def commanded_acceleration(
     desired: float, e: float, rate: float, c_1: float, c_2: float, k_1: float, k_2: float
 ) -> float:
     """Return xddot_c of one axis in m/s2."""
@@ -64,7 +64,7 @@ def _commanded(
 def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
     """Return the joints' torques in N m."""
     acceleration = elementwise(
-        _commanded,
+        commanded_acceleration,
         tick.desired_acceleration,
         tick.error,
         tick.error_rate,

@@ -38,6 +38,20 @@ def test_adaptive_gain_torque_matches_formula(seed: int) -> None:
         switching = np.minimum(switching / (1.0 + at.period * leak), k_max)
 
 
+def test_adaptive_gain_unrejected_surface_gain_stays_bounded() -> None:
+    """With a constant s the gain of every axis ends at k_max."""
+    k_max = (20.0, 30.0, 40.0, 50.0)
+    gains = {'gamma': (1e5,) * 4, 'k_max': k_max, 'leak': 0.0}
+    controller, at = at_random(
+        1, LAW, **{f'{LAW}__{name}': gain for name, gain in gains.items()}
+    )
+    assert (np.abs(at.surface) > 0.1).all()
+    for _ in range(60):
+        tick(controller, at)
+    k = controller.memory['adaptive_gain_switching'][0, :, 0]
+    np.testing.assert_array_equal(k, k_max)
+
+
 @pytest.mark.slow
 def test_adaptive_gain_grows_above_constant_disturbance() -> None:
     """Without leakage, s ends in the dead zone. The gain stops there, below k_max."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 
 from helpers.law_bench import at_random, run, tick
+from masmc_ros.law.sliding.barrier import grown, is_inside, surface_rate
 import numpy as np
 import pytest
 
@@ -39,12 +40,12 @@ def test_barrier_torque_matches_formula(seed: int) -> None:
         seed, LAW, **{f'{LAW}__{name}': tuple(value) for name, value in settings.items()}
     )
     size, outside = np.abs(at.surface), settings['start'].copy()
-    is_inside = size <= 0.5 * settings['width']
+    inside = size <= 0.5 * settings['width']
     for _ in range(3):
         next_size = [
-            next_distance(s, width, at.period * gain) if inside else max(s - at.period * k, 0.0)
-            for s, width, gain, inside, k in zip(
-                size, settings['width'], settings['gain'], is_inside, outside, strict=True
+            next_distance(s, width, at.period * gain) if active else max(s - at.period * k, 0.0)
+            for s, width, gain, active, k in zip(
+                size, settings['width'], settings['gain'], inside, outside, strict=True
             )
         ]
         nu = np.sign(at.surface) * (np.array(next_size) - size) / at.period
@@ -52,7 +53,47 @@ def test_barrier_torque_matches_formula(seed: int) -> None:
         np.testing.assert_allclose(
             tick(controller, at), at.model_torque(wanted), rtol=1e-9, atol=1e-8
         )
-        outside += np.where(is_inside, 0.0, at.period * settings['growth'] * size)
+        grows = ~inside & (size > at.period * outside)
+        outside += np.where(grows, at.period * settings['growth'] * size, 0.0)
+
+
+def largest_disturbance(period: float) -> float:
+    """Return the disturbance in m/s² that moves s to the barrier in a period."""
+    half = 0.5 * GAIN
+    return math.sqrt(GAIN * WIDTH / period + half**2) - half
+
+
+@pytest.mark.parametrize('period', [0.0005, 0.001, 0.01])
+def test_barrier_sampled_bound_is_sharp(period: float) -> None:
+    """A constant disturbance below the bound of the docs leaves s within, one above does not."""
+    for share, stays in ((0.999, True), (1.001, False)):
+        s, largest = 0.0, 0.0
+        for _ in range(300):
+            nu = surface_rate(s, 1.0, 0.0, 0.0, WIDTH, GAIN, period)
+            s += period * (nu + share * largest_disturbance(period))
+            largest = max(largest, abs(s))
+        assert (largest < WIDTH) == stays
+
+
+@pytest.mark.parametrize('disturbance', [8.0, 12.0])
+def test_barrier_gain_outside_grows_until_surface_is_reached(disturbance: float) -> None:
+    """
+    The gain exceeds an unknown disturbance after a finite time, and is constant then.
+
+    The second disturbance moves s by more than eps / 2 per period, so s stays outside.
+    """
+    period, start = 0.001, 2.0
+    s, inside, growth, gains = 0.3, 0.0, 0.0, []
+    for _ in range(2000):
+        inside = is_inside(inside, s, WIDTH)
+        nu = surface_rate(s, inside, growth, start, WIDTH, GAIN, period)
+        growth = grown(growth, inside, s, nu, start, 0.0, 100.0, period)
+        gains.append(growth)
+        s += period * (nu + disturbance)
+    assert disturbance - start < gains[1000] < 25.0
+    assert len(set(gains[1000:])) == 1
+    assert abs(s) < WIDTH
+    assert inside == (period * disturbance < 0.5 * WIDTH)
 
 
 @pytest.mark.slow
@@ -62,9 +103,7 @@ def test_barrier_disturbance_within_bound_is_not_left() -> None:
 
     A disturbance below that step per period, in m/s2, cannot move s to eps.
     """
-    disturbance = 0.001 * GAIN
-    largest = (math.sqrt(disturbance * WIDTH + 0.25 * disturbance**2) - 0.5 * disturbance) / 0.001
-    assert largest > 15.0
+    assert largest_disturbance(0.001) > 15.0
     track = run(LAW, 'controller.model_scale=1.0', duration=10.0)
     size = np.abs(track.surface)
     for axis in size.T:

@@ -41,6 +41,20 @@ def test_momentum_observer_torque_matches_formula(seed: int) -> None:
         at = Instant(at.period, at.position, v, at.desired, at.scale, at.sigma)
 
 
+def test_momentum_observer_filters_disturbance_at_its_rate() -> None:
+    """On a motion of the model, d is the disturbance behind a filter of rate K_o."""
+    rate, push = 100.0, np.array([1.5, -0.5, 3.0, 2.0])
+    controller, at = at_random(3, LAW, momentum_observer__rate=rate)
+    for k in range(30):
+        torque = tick(controller, at)
+        d = controller.memory['momentum_observer_disturbance'][0, :, 0]
+        power = [np.dot(d, quasi_velocity(Machine(DEFAULT).geometry, *one)) for one in np.eye(4)]
+        filtered = push * (1.0 - (1.0 + at.period * rate) ** -k)
+        np.testing.assert_allclose(power, filtered, rtol=1e-6, atol=1e-6)
+        v = at.v + at.period * np.linalg.solve(at.inertia, torque + push - at.coriolis @ at.v)
+        at = Instant(at.period, at.position, v, at.desired, at.scale, at.sigma)
+
+
 @pytest.mark.slow
 def test_momentum_observer_estimates_constant_disturbance() -> None:
     """The estimate d consists of forces conjugate to v; the applied torques act on joints."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from helpers.law_bench import at_random, run, tick
 from helpers.robots import Array
+from masmc_ros.law.sliding.terminal import commanded_acceleration
 import numpy as np
 import pytest
 
@@ -38,6 +39,27 @@ def test_terminal_sliding_torque_matches_formula(seed: int) -> None:
     np.testing.assert_allclose(
         tick(controller, at), at.model_torque(acceleration), rtol=1e-9, atol=1e-9
     )
+
+
+def test_terminal_sliding_error_ends_in_finite_time() -> None:
+    """
+    On the surface |e|^(1/3) decreases linearly.
+
+    Two decades of e thus last shorter, from 1e-5 to 1e-7 a fifth of those from 1e-3. On a linear
+    surface they last equally long.
+    """
+    c_2, step = 0.5, 1e-4
+    e, rate, last = 0.2, 0.0, {}
+    for k in range(20000):
+        for size in (1e-3, 1e-5, 1e-7):
+            if abs(e) > size:
+                last[size] = k * step
+        rate += step * commanded_acceleration(0.0, e, rate, 1.0, c_2, 400.0, 200.0)
+        e += step * rate
+    coarse, fine = last[1e-5] - last[1e-3], last[1e-7] - last[1e-5]
+    assert coarse < 3.0 * c_2 ** (2.0 / 3.0) * 0.1
+    assert 0.0 < fine < 0.3 * coarse
+    assert abs(e) < 1e-9
 
 
 @pytest.mark.slow
