@@ -15,8 +15,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from masmc_ros.identification.latency_fit import Estimate, LARGEST, LatencyFit
 from masmc_ros.identification.state_buffer import StateBuffer
-from masmc_ros.identification.timing import Estimate, LARGEST, Timing
 from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.compiled import kernel
 import numpy as np
@@ -128,7 +128,7 @@ def compile_echo() -> None:
     _echo(np.array([0.0, 1.0]), np.zeros((2, 1)), 0.0, 0.0, np.empty((2, 1)))
 
 
-def fit_echo(times: Array, effort: Array, torque: Array) -> Timing | None:
+def fit_echo(times: Array, effort: Array, torque: Array) -> LatencyFit | None:
     """
     Return the delay and the lag of the efforts; None if they are no echo of the torques.
 
@@ -189,16 +189,16 @@ def fit_echo(times: Array, effort: Array, torque: Array) -> Timing | None:
     if total.error > _PRECISE:
         return None
     errors = np.sqrt(np.diag(covariance)).tolist()
-    return Timing(Estimate(delay, errors[0]), Estimate(lag, errors[1]), total)
+    return LatencyFit(Estimate(delay, errors[0]), Estimate(lag, errors[1]), total)
 
 
-def echo_text(timing: Timing) -> str:
+def echo_text(timing: LatencyFit) -> str:
     """Return delay and lag in ms as text."""
     total, lag = (f'{1e3 * t.value:.1f} ± {1e3 * t.error:.1f}' for t in (timing.total, timing.lag))
     return f'{total}, with a motor lag of {lag}'
 
 
-def wrong_latency(timing: Timing, latency: float, motor_lag: float, period: float) -> str:
+def wrong_latency(timing: LatencyFit, latency: float, motor_lag: float, period: float) -> str:
     """
     Return a warning if the latency is set to another value than that of the efforts, else ''.
 

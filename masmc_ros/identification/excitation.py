@@ -14,7 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from masmc_ros.errors import InputError
-from masmc_ros.identification.consistency import Scale, scaled
+from masmc_ros.identification.consistent_parameters import Scale, scaled
 from masmc_ros.identification.directions import base_parameters
 from masmc_ros.identification.identify import Nominal
 from masmc_ros.identification.regressor import instantaneous, record_of
@@ -272,9 +272,9 @@ def _positions(body: Records, start: Array, angles: Array) -> Array:
         free(record, unused)
         at = to_vector(start if k == 0 else out[k - 1], place)
         before = to_vector(angles[max(k - 1, 0)], template)
-        now = to_vector(angles[k], template)
+        after = to_vector(angles[k], template)
         pose = mechanism.dead_reckoned(
-            model, head(at, record.pose), elementwise(minus, now, before)
+            model, head(at, record.pose), elementwise(minus, after, before)
         )
         for i in range(base):
             out[k, i] = pose[i]

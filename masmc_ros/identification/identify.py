@@ -19,12 +19,17 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from masmc_ros.errors import InputError
-from masmc_ros.identification.consistency import nearest_consistent, Scale, scaled
+from masmc_ros.identification.averaging_windows import (
+    average_of_held,
+    sample_weights,
+    Windows,
+    windows_in,
+)
+from masmc_ros.identification.consistent_parameters import nearest_consistent, Scale, scaled
+from masmc_ros.identification.latency_fit import fit_timing, LARGEST, LatencyFit
 from masmc_ros.identification.load import COULOMB_SHARE
 from masmc_ros.identification.regressor import averaged, Equations, FRICTIONS
 from masmc_ros.identification.samples import Samples
-from masmc_ros.identification.timing import fit_timing, LARGEST, Timing
-from masmc_ros.identification.windows import average_of_held, sample_weights, Windows, windows_in
 from masmc_ros.numerics.aliases import Array
 from masmc_ros.robot.robot import Robot
 import numpy as np
@@ -123,7 +128,7 @@ class Identified:
     values: Array
     errors: Array
     is_excited: NDArray[np.bool_]
-    timing: Timing
+    timing: LatencyFit
     residual: Array
     nominal_residual: Array
     deviations: Array

@@ -4,12 +4,16 @@
 """
 Payload of a running robot, estimated from its states and commanded torques.
 
-The averaged equations of motion of `windows` need no accelerations. The difference between the
-torques and those of the nominal robot is linear in mass, first and second moments of a load that
-is fixed to the last link (Atkeson, An and Hollerbach 1986), in the friction of each joint that
-differs from the nominal one, and for small values in an error of the latency. Blocks of one second
-contribute sums of products only, and the blocks of a limited time give the estimate. Therefore
-the cost is constant, and a load that was picked up replaces the previous one after this time.
+The equations of motion are averaged over windows (`averaging_windows`) and need no accelerations.
+The measured torques differ from those of the nominal robot. This difference is linear in
+
+- the mass, first and second moments of a load that is fixed to the last link (Atkeson, An and
+  Hollerbach 1986),
+- the difference of each joint's friction from its nominal friction, and
+- a small error of the latency.
+
+A block of one second contributes sums of products only, and the estimate uses the latest blocks.
+The cost is therefore constant, and the estimate follows a change of the load.
 
 Shapes: n joints with commanded torques, W windows, c columns, K blocks.
 """
@@ -20,11 +24,16 @@ from collections import deque
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from masmc_ros.identification.averaging_windows import (
+    Average,
+    average_of_held,
+    sample_weights,
+    windows_in,
+)
+from masmc_ros.identification.latency_fit import Estimate
 from masmc_ros.identification.load import COULOMB_SHARE, EXPECTED_MOMENTS, Load, load_of
 from masmc_ros.identification.regressor import averaged
 from masmc_ros.identification.state_buffer import StateBuffer
-from masmc_ros.identification.timing import Estimate
-from masmc_ros.identification.windows import Average, average_of_held, sample_weights, windows_in
 from masmc_ros.numerics.aliases import Array
 from masmc_ros.robot.robot import Robot
 import numpy as np
@@ -190,7 +199,7 @@ class PayloadEstimator:
         self.restart()
 
     def restart(self) -> None:
-        """Forget all blocks."""
+        """Discard all blocks."""
         self._blocks.clear()
 
     def add(self, block: Block, latency: float, *, uses_rates: bool = True) -> None:
@@ -240,7 +249,7 @@ class PayloadEstimator:
         self._blocks.append(_Products(np.einsum('wja,wjb->jab', rows, rows), len(rows)))
 
     def estimate(self) -> PayloadEstimate | None:
-        """Return the payload, and forget blocks of another load; None with too few blocks."""
+        """Return the payload, and discard blocks of another load; None with too few blocks."""
         blocks = list(self._blocks)
         if len(blocks) < _FEWEST_BLOCKS:
             return None

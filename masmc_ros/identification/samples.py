@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from masmc_ros.errors import InputError
-from masmc_ros.identification.windows import Average
+from masmc_ros.identification.averaging_windows import Average
 from masmc_ros.log.read.reader import Run
 from masmc_ros.numerics.aliases import Array
 import numpy as np

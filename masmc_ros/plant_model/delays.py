@@ -19,7 +19,7 @@ from masmc_ros.numerics.portable_random import uniform
 from masmc_ros.numerics.record import lane_count
 from masmc_ros.numerics.scalars import zero
 from masmc_ros.numerics.tuples import elementwise
-from masmc_ros.plant_model.fields import PlantMemory, PlantSettings
+from masmc_ros.plant_model.plant_fields import PlantMemory, PlantSettings
 
 OF_MEASUREMENT, OF_COMMAND = 0, 1
 """Streams of random numbers of the delays."""

@@ -23,8 +23,8 @@ from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.scalars import selected
 from masmc_ros.numerics.tuples import elementwise, tail
 from masmc_ros.numerics.vectors import free, mark
-from masmc_ros.plant_model.fields import PlantMemory, PlantSettings
 from masmc_ros.plant_model.motion import moved_along, summed, weights_of_stage
+from masmc_ros.plant_model.plant_fields import PlantMemory, PlantSettings
 
 LONGEST_STEP = 1.0
 """Largest product of the natural frequency of an elastic joint and the integration step."""

@@ -22,7 +22,7 @@ from masmc_ros.numerics.tuples import elementwise, head, joined
 from masmc_ros.numerics.vectors import free, mark
 from masmc_ros.plant_model.delays import is_lost, newest, OF_MEASUREMENT
 from masmc_ros.plant_model.elastic import rotor_angles, rotor_rates
-from masmc_ros.plant_model.fields import PlantMemory, PlantSettings, Signals
+from masmc_ros.plant_model.plant_fields import PlantMemory, PlantSettings, Signals
 from masmc_ros.robot import mechanism
 
 # Adding and subtracting 1.5 * 2**52 rounds a double below 2**51 to the nearest integer.

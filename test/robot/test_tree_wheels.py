@@ -12,7 +12,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from masmc_ros.errors import InputError
 from masmc_ros.robot.tree.assembly import tree_robot, TreeRobot
-from masmc_ros.robot.tree.model import DIFFERENTIAL, OMNIDIRECTIONAL
+from masmc_ros.robot.tree.tree_model import DIFFERENTIAL, OMNIDIRECTIONAL
 from masmc_ros.robot.tree.wheels import driving_wheels, Mount
 from masmc_ros.robot.urdf import Joint, Pose, read_urdf
 import numpy as np

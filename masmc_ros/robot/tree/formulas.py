@@ -30,16 +30,8 @@ from masmc_ros.robot.tree.consistency import consistency_normal, weakest_motion
 from masmc_ros.robot.tree.dynamics import GRAVITY
 from masmc_ros.robot.tree.friction import add_friction, write_friction_gradient
 from masmc_ros.robot.tree.kinematics import base_motion, place, Posture
-from masmc_ros.robot.tree.model import (
-    AXES,
-    AXIS_COUNT,
-    base_of,
-    bodies_of,
-    damping_of,
-    TreeModel,
-)
 from masmc_ros.robot.tree.natural_adaptation import adapted
-from masmc_ros.robot.tree.task.drift import compensated, follow_drift, reachable_surface
+from masmc_ros.robot.tree.task.null_space_drift import compensated, follow_drift, reachable_surface
 from masmc_ros.robot.tree.task.redundancy import (
     motion_from_task,
     reference_motion,
@@ -51,6 +43,14 @@ from masmc_ros.robot.tree.task.task import (
     task_position,
     task_velocity,
     tracking,
+)
+from masmc_ros.robot.tree.tree_model import (
+    AXES,
+    AXIS_COUNT,
+    base_of,
+    bodies_of,
+    damping_of,
+    TreeModel,
 )
 from masmc_ros.robot.tree.wheels import into_base, into_wheels
 import numpy as np

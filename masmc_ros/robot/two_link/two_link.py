@@ -23,11 +23,6 @@ from masmc_ros.robot.square_task import (
     tracking,
 )
 from masmc_ros.robot.two_link import consistency, dynamics, geometry, kinematics
-from masmc_ros.robot.two_link.approach import (
-    approach_sample,
-    approach_start,
-    regular_posture,
-)
 from masmc_ros.robot.two_link.constants import (
     constants,
     out_of_reach,
@@ -41,6 +36,11 @@ from masmc_ros.robot.two_link.dynamics import BaseParameters, Inertia, Quad, Reg
 from masmc_ros.robot.two_link.frames import frame_origins, frame_transforms
 from masmc_ros.robot.two_link.geometry import Geometry, Posture
 from masmc_ros.robot.two_link.platform_motion import base_motion
+from masmc_ros.robot.two_link.polar_approach import (
+    approach_sample,
+    approach_start,
+    regular_posture,
+)
 
 __all__ = [
     'approach_sample',

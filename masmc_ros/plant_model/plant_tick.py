@@ -32,10 +32,10 @@ from masmc_ros.plant_model.disturbance import (
 )
 from masmc_ros.plant_model.drives import drive, lagging
 from masmc_ros.plant_model.elastic import rotor_rates, twist_joints, untwist_joints
-from masmc_ros.plant_model.fields import PlantMemory, PlantSettings, Signals
 from masmc_ros.plant_model.joint_effects import has_losses, is_elastic
 from masmc_ros.plant_model.measurement import delay_measurement, measure, write_noise
 from masmc_ros.plant_model.motion import runge_kutta_stage
+from masmc_ros.plant_model.plant_fields import PlantMemory, PlantSettings, Signals
 from masmc_ros.plant_model.stiction import stuck
 from masmc_ros.robot import mechanism
 

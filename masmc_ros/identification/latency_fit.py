@@ -38,7 +38,7 @@ class Estimate(NamedTuple):
     error: float
 
 
-class Timing(NamedTuple):
+class LatencyFit(NamedTuple):
     """Latency, motor lag and their sum in s; the sum is known best."""
 
     latency: Estimate
@@ -46,7 +46,9 @@ class Timing(NamedTuple):
     total: Estimate
 
 
-def fit_timing(residual: Callable[[float, float], Array], near: Timing | None = None) -> Timing:
+def fit_timing(
+    residual: Callable[[float, float], Array], near: LatencyFit | None = None
+) -> LatencyFit:
     """
     Return the latency and the motor lag with the smallest residual.
 
@@ -98,12 +100,12 @@ def fit_timing(residual: Callable[[float, float], Array], near: Timing | None = 
         )
         for share in shares
     ]
-    fit = min(fits, key=lambda each: each.cost)
+    fit = min(fits, key=lambda candidate: candidate.cost)
     latency, lag = of_share(fit.x)
     factors = derivatives(latency, lag)
     variance = 2.0 * fit.cost / max(1, len(fit.fun) - 2)
     covariance = variance * np.linalg.pinv(factors.T @ factors)
-    return Timing(
+    return LatencyFit(
         Estimate(latency, float(np.sqrt(covariance[0, 0]))),
         Estimate(lag, float(np.sqrt(covariance[1, 1]))),
         Estimate(latency + lag, float(np.sqrt(covariance.sum()))),

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from masmc_ros.api.scenario import load, Scenario
-from masmc_ros.compare.campaign import comparison_of, compute
+from masmc_ros.compare.law_comparison import comparison_of, compute
 from masmc_ros.compare.ranking import ranking
 from masmc_ros.compare.tables import rows_of
 from masmc_ros.params.declaration import Values
