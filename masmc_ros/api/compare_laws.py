@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Comparison of laws."""
+"""Comparison of laws, whose rows are returned as an Arrow table."""
 
 from __future__ import annotations
 
@@ -33,15 +33,16 @@ def compare_laws(
     Parameters
     ----------
     scenario, settings, values
-        as in `load`.
+        As in `load`.
     laws
-        LAW or LAW:SWITCHING, or 'all'.
+        Names LAW or LAW:SWITCHING, or 'all'.
     trials
-        trials in addition to the unmodified scenario, or 'all', 'laws' or 'hardware'.
+        Trials in addition to the unmodified scenario, or 'all', 'laws' or 'hardware'.
     seeds
-        runs of each: seed 0 is the scenario; others draw robot, disturbance and noise.
+        Number of runs of each law and trial: seed 0 is the scenario itself, others have a random
+        robot, disturbance and noise.
     threads, scheduler
-        as for `sweep`.
+        As for `sweep`.
 
     Returns
     -------
@@ -50,7 +51,7 @@ def compare_laws(
     Raises
     ------
     InputError
-        If a name is unknown or a value out of range, if the scenario commands velocities, or if
+        if a name is unknown or a value out of range, if the scenario commands velocities, or if
         no scheduler answers.
 
     """

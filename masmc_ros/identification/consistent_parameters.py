@@ -40,7 +40,7 @@ _PER_BODY = 10
 
 class Inequality(NamedTuple):
     """
-    Condition that a symmetric matrix is positive definite: constant + sum of y_i factors_i.
+    Condition that the symmetric matrix constant + sum of y_i factors_i is positive definite.
 
     `constant` (m, m) is that of the nominal robot, `factors` (p, m, m) belong to the p scaled
     parameters y.
@@ -67,7 +67,7 @@ class Scale(NamedTuple):
     inequalities
         Conditions on the inertial parameters.
     first_friction
-        Number of inertial parameters; the others are not negative.
+        Number of inertial parameters; those after them, the friction, must not be negative.
 
     """
 
@@ -150,7 +150,7 @@ def _of_mechanism(robot: Robot, theta: Array) -> tuple[Array, list[Inequality]]:
     body = record_of(robot, theta)
     size = _order(body)
     units = np.eye(size)
-    # Entries of Q by polarisation.
+    # Entries of Q from values of its quadratic form, by polarisation.
     own = [_quadratic(body, unit) for unit in units]
     factors = np.zeros((len(theta), size, size))
     for i in range(size):
@@ -191,7 +191,7 @@ def _quadratic(body: Records, x: Array) -> Array:
 
 
 def _thick(nominal: Array) -> Array:
-    """Return the pseudo-inertia (4, 4) of a body without mass or thickness with some of both."""
+    """Return a pseudo-inertia (4, 4) that is positive definite also without mass or thickness."""
     if nominal[3, 3] <= 0.0:
         return np.diag([(5.0 * _GYRATION) ** 2] * 3 + [1.0]) * _MASSLESS
     return np.asarray(nominal + np.diag([_GYRATION**2 * nominal[3, 3]] * 3 + [0.0]))

@@ -36,19 +36,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 _ROUNDS = 2
-"""Iterations of the weights of the joints."""
+"""Number of iterations of the weights of the joints."""
 
 _FINEST = 1.0e-6
 """Smallest standard deviation of a torque, relative to its RMS value."""
 
 _SHARPEST = 1.0e10
-"""Largest information of a scaled parameter in the metric of the nearest consistent ones."""
+"""Largest eigenvalue of the metric in which the nearest consistent parameters are computed."""
 
 EXCITED = 0.1
-"""Standard error of an excited parameter, at most this part of its prior standard deviation."""
+"""Largest standard error of an excited parameter, relative to its prior deviation."""
 
 _FEWEST_WINDOWS = 40
-"""Windows with which an identification is possible."""
+"""Smallest number of windows of an identification."""
 
 
 class Nominal(NamedTuple):
@@ -248,7 +248,7 @@ class _Problem:
         return np.concatenate([rows, np.zeros(self._count)])
 
     def residual(self, latency: float, lag: float) -> Array:
-        """Return the weighted residuals after the best parameters, for a timing in s."""
+        """Return the weighted residuals with the best parameters, for a latency and a lag in s."""
         right = self._right(self._run.torque(latency, lag))
         return np.asarray(right - self._orthogonal @ (self._orthogonal.T @ right))
 

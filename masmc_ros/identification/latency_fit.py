@@ -28,7 +28,7 @@ _STEP = 1.0e-4
 
 
 _SHARES = (0.1, 0.5, 0.9)
-"""Shares of the lag in the sum of both at the starts of the search."""
+"""Shares of the lag in the sum of latency and lag, at the starts of the search."""
 
 
 class Estimate(NamedTuple):
@@ -39,7 +39,7 @@ class Estimate(NamedTuple):
 
 
 class LatencyFit(NamedTuple):
-    """Latency, motor lag and their sum in s; the sum is known best."""
+    """Latency, motor lag and their sum in s; the sum has the smallest error."""
 
     latency: Estimate
     lag: Estimate
@@ -81,7 +81,7 @@ def fit_timing(
             by_lag / (lag + _STEP - low_lag),
         ])
 
-    # The sum and the share of the lag in it are nearly independent, and their bounds are too.
+    # The sum of both and the share of the lag in it are nearly independent variables.
     def of_share(x: Array) -> tuple[float, float]:
         return float(x[0] * (1.0 - x[1])), float(x[0] * x[1])
 

@@ -46,7 +46,7 @@ _SPACING = 0.01
 """Shortest interval in s between two states that are used; all torques are used."""
 
 _HALF_PERIODS = 10
-"""Intervals between used states in half of a window."""
+"""Number of intervals between used states in half of a window."""
 
 _LATENCY_ERROR = 0.005
 """Expected error of the latency in s."""
@@ -55,22 +55,22 @@ _FINEST = 1.0e-3
 """Smallest standard deviation of a torque, relative to its RMS value."""
 
 _ROUNDS = 3
-"""Iterations of the weights of the joints."""
+"""Number of iterations of the weights of the joints."""
 
 _FEWEST_BLOCKS = 3
-"""Blocks with which an estimate is possible."""
+"""Smallest number of blocks of an estimate."""
 
 _CONTRADICTION = 0.5
-"""Ratio of the errors of the fewest blocks and of all blocks below which the load has changed."""
+"""Ratio of errors, with the latest blocks and with all, below which the load has changed."""
 
 _EXPLAINED = 0.9
-"""Share of the unexplained squared torques that a payload explains if it is reported."""
+"""Smallest share of the unexplained squared torques that a reported payload explains."""
 
 _LIGHTEST = 0.01
 """Smallest mass in kg that is reported."""
 
 _DETERMINED = 0.05
-"""Largest standard error in m of a coordinate of the centre of mass that is determined."""
+"""Largest standard error in m of a determined coordinate of the centre of mass."""
 
 _LOAD, _DELAY, _FRICTION, _MISSING, _TORQUE = 10, 10, slice(11, 13), 13, 14
 """Columns: moments of the load, latency, viscous and Coulomb friction, torques."""
@@ -89,7 +89,7 @@ class Block(NamedTuple):
     rates
         (N, joints) Measured joint rates in rad/s or m/s.
     torque
-        (N, joints) Torques in N·m or N that answer the states.
+        (N, joints) Torques in N·m or N, each computed from the state of the same row.
 
     """
 
@@ -108,8 +108,8 @@ class PayloadEstimate(NamedTuple):
     load
         Mass in kg and centre of mass in m, with standard errors.
     explained
-        Share of the weighted squared torques without explanation by the nominal robot and its
-        friction that the payload explains.
+        Share of the weighted squared torques that the payload explains, of those that the
+        nominal robot and its friction do not explain.
     later
         Additional latency in s, positive if the torques act later than assumed, with standard
         error.
@@ -141,7 +141,7 @@ class BlockBuffer:
 
     def add(self, stamp: int, position: Array, rates: Array, torque: Array) -> Block | None:
         """
-        Add the answer to a state, and return a block when it is complete.
+        Add a state and its command; return a block when it is complete.
 
         Parameters
         ----------
@@ -226,7 +226,7 @@ class PayloadEstimator:
             angles = position[:, -rates.shape[1]:]
             rates = (angles[2:] - angles[:-2]) / (times[2:] - times[:-2])[:, None]
             times, position = times[1:-1], position[1:-1]
-            # These are averages of the rates, so the torques are averaged in the same way.
+            # These differences are averages of the rates, so torques are averaged in the same way.
             smoothing = Average(np.full(2, 0.5 / spacing), spacing)
         valid = np.ones(len(times) - 1, np.bool_)
         margin = latency + _LATENCY_ERROR + spacing
@@ -256,7 +256,7 @@ class PayloadEstimator:
         estimate = self._estimate_of(blocks)
         if len(blocks) > _FEWEST_BLOCKS:
             recent = self._estimate_of(blocks[-_FEWEST_BLOCKS:])
-            # More data of the same load would have a smaller error.
+            # With the same load, the error of all blocks would be smaller than that of a few.
             if recent.load.mass_error < _CONTRADICTION * estimate.load.mass_error:
                 del blocks[:-_FEWEST_BLOCKS]
                 self._blocks.clear()

@@ -9,8 +9,8 @@ At every integration step
     torque = 2 w H_i e + integral,   d integral / dt = w^2 H_i e,   e = commanded rate - rate,
 
 where w is the bandwidth and H_i the diagonal entry of H for joint i at the start of the run. The
-isolated joint then has both poles at -w. The integral is constant if it would increase the torque
-beyond the motor limit.
+isolated joint then has both poles at -w. The integral stops as long as it would
+increase the torque beyond the motor limit.
 """
 
 from __future__ import annotations

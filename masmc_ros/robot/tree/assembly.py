@@ -189,7 +189,7 @@ def tree_robot(
     }[base]
     if not is_right or len(set(wheels)) != len(wheels):
         raise InputError(
-            f'robot.wheels {list(wheels)}: expected {expected}, of a base that is {base}'
+            f'robot.wheels {list(wheels)}: expected {expected} for robot.base = {base}'
         )
     _check_names(description, [*wheels, *joints, *(held or {})])
     controlled = _controlled(description, where, wheels, joints, held or {})

@@ -306,7 +306,7 @@ def joint_accelerations(
 
 @formula
 def rate_command(model: TreeModel, motion: Numbers) -> Numbers:
-    """Return nu."""
+    """Return the velocities nu unchanged, because they are those that the drives follow."""
     return motion
 
 
@@ -324,7 +324,7 @@ def commanded_joint_rates(model: TreeModel, command: Numbers) -> Numbers:
 
 @kernel
 def dead_reckoned(model: TreeModel, pose: Numbers, turned: Numbers) -> Numbers:
-    """Return the base pose after a rotation of wheels; exact for the mean of both headings."""
+    """Return the base pose after a rotation of the wheels, along the mean of both headings."""
     values = changeable(turned)
     into_base(model, values, False)
     w, v = base_motion(base_of(model), values)
