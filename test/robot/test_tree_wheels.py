@@ -197,7 +197,7 @@ def test_tree_robot_omnidirectional_without_wheels_is_driven() -> None:
     ('old', 'new', 'settings', 'expected'),
     [
         ('', '', {'wheels': CORNERS[:2]}, "robot.wheels ['front_right', 'front_left']: expecte"),
-        ('', '', {'wheels': (*CORNERS, 'rear_left')}, 'three or more joints or none for robot.base'),
+        ('', '', {'wheels': (*CORNERS, 'rear_left')}, 'three or more joints or none for robot.b'),
         ('', '', {'base': 'fixed'}, 'expected none for robot.base = fixed'),
         ('', '', {'wheels': (*CORNERS[:3], 'rear_lef')}, "no joint 'rear_lef'; did you mean rear"),
         ('', '', {'roller_angles': ANGLES[:3]}, 'robot.roller_angles [0.785'),
