@@ -10,7 +10,7 @@ __version__ = '0.1.0'
 _INTERFACE = {
     'load': 'masmc_ros.api.scenario',
     'simulate': 'masmc_ros.api.simulate',
-    'compare_laws': 'masmc_ros.api.comparison',
+    'compare_laws': 'masmc_ros.api.compare_laws',
     'sweep': 'masmc_ros.api.campaigns',
     'monte_carlo': 'masmc_ros.api.campaigns',
     'tune': 'masmc_ros.api.tuning',

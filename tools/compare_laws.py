@@ -24,7 +24,7 @@ from masmc_ros.campaign.part import metric_columns
 from masmc_ros.campaign.threads import processors
 from masmc_ros.campaign.tune import Candidate, Evaluation, Range, tuned
 from masmc_ros.campaign.variable import Variable
-from masmc_ros.compare.campaign import comparison_of
+from masmc_ros.compare.law_comparison import comparison_of
 from masmc_ros.law import registry
 from masmc_ros.report.measure.metrics import Metrics
 from masmc_ros.report.measure.table import Column

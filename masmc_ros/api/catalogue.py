@@ -35,12 +35,12 @@ def load_robot(source: str, **values: object) -> Robot:
     source
         URDF file, parameter file, or name of an installed parameter file.
     values
-        parameters `robot.NAME` by NAME, such as `tip_frame='tool0'`.
+        Parameters `robot.NAME` by NAME, such as `tip_frame='tool0'`.
 
     Raises
     ------
     InputError
-        If there is no such file, a name is unknown, or the robot is invalid.
+        if there is no such file, a name is unknown, or the robot is invalid.
 
     """
     named = {f'robot.{name}': value for name, value in values.items()}
@@ -57,7 +57,7 @@ def read(log: str | Path) -> Run:
     Raises
     ------
     InputError
-        If the file is missing, or not a log of a run.
+        if the file is missing, or not a log of a run.
 
     """
     from masmc_ros.log.read.reader import read_run

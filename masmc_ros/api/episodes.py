@@ -4,8 +4,8 @@
 """
 Episodes of robots that a policy drives by torques: observations, rewards and ends.
 
-It needs no Gymnasium; `api.learning` has its interface. Robots are computed in lanes, in blocks of
-`LANES`, so code is compiled for one robot and for blocks only.
+This module does not need Gymnasium, whose interface is in `api.learning`. Several robots are
+computed in blocks of `LANES` parallel runs, so code is compiled for one robot and for a block.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _OF_ALL = ('control_period', 'duration', 'integrator_step')
 """Parameters of the plant that are equal in all episodes."""
 
 _RUNS = 2**40
-"""Number of episodes of a seed."""
+"""Number of different episodes of a seed."""
 
 _SEEDS = 2**32
 
@@ -53,7 +53,7 @@ Infos = dict[int, dict[str, object]]
 
 
 class Entry(NamedTuple):
-    """Entry of an observation; task axes and the base pose are those of the frame `odom`."""
+    """Entry of an observation; task axes and the base pose are in the frame `odom`."""
 
     name: str
     unit: str
@@ -77,11 +77,11 @@ class Reward:
     Attributes
     ----------
     error_weight
-        weight of the squared norm of the true task error, 1/m² (1/rad² for rotations).
+        Weight of the squared norm of the true task error, 1/m² (1/rad² for rotations).
     torque_weight
-        weight of the squared norm of the change of the torques, 1/(N·m)².
+        Weight of the squared norm of the change of the torques, 1/(N·m)².
     error_limit
-        norm of the true task error above which a robot has diverged.
+        Norm of the true task error above which a robot has diverged.
 
     """
 
@@ -105,13 +105,13 @@ class Episodes:
     Attributes
     ----------
     entries
-        entries of an observation.
+        Entries of an observation.
     action_limit
         (joints) largest magnitudes of the torques in N·m.
     steps
-        steps of an episode that does not diverge: the ticks of the run.
+        Steps of an episode that does not diverge: the ticks of the run.
     is_seeded
-        True if runs were chosen by a seed.
+        True if a seed has selected the runs.
 
     """
 
@@ -134,22 +134,22 @@ class Episodes:
         Parameters
         ----------
         count
-            number of robots.
+            Number of robots.
         scenario, settings, values
-            as in `masmc_ros.load`.
+            As in `masmc_ros.load`.
         draw
-            distributions by name, drawn at each reset:
+            Distributions by name, drawn at each reset:
             `{'plant.robot.link_2_mass': 'uniform:0.6:1.4'}`.
         action_limit
-            largest magnitude of the torques in N·m, or one for each joint; None: that of the
+            Largest magnitude of the torques in N·m, or one for each joint; None: that of the
             scenario, see `_action_limit`.
         error_weight, torque_weight, error_limit
-            see `Reward`.
+            See `Reward`.
 
         Raises
         ------
         InputError
-            If a name is unknown or a value out of range.
+            if a name is unknown or a value out of range.
 
         """
         if isinstance(count, bool) or not isinstance(count, int) or count < 1:
@@ -203,8 +203,9 @@ class Episodes:
         """
         Choose the runs of the next episodes.
 
-        Robot i takes run i of a seed, then run i + count, and so on. With a sequence it takes
-        run 0, 1, ... of its own seed. Raises InputError for a seed out of range.
+        With one seed, robot i starts with run i of the seed; its next episode is run i + count,
+        and so on. With a sequence, each robot has runs 0, 1, ... of its own seed. Raises
+        InputError for a seed out of range.
         """
         if isinstance(seed, int | np.integer):
             seeds, runs, stride = [seed] * self.count, np.arange(self.count), self.count
@@ -253,11 +254,11 @@ class Episodes:
             is_lost = moves & ~(self._is_finite() & (square <= self._reward.error_limit**2))
         terminated = is_lost
         truncated = moves & ~is_lost & (ticks + 1 == self.steps)
-        # The limit stands for the error in the rest of the episode: divergence never pays.
+        # The remaining steps count with the error limit, so divergence is never an advantage.
         worst = self._reward.error_weight * self._reward.error_limit**2
         cost[is_lost] = worst * (self.steps - ticks[is_lost])
         cost[starts] = 0.0
-        # Learners do not accept an observation that is not finite.
+        # Libraries for learning do not accept an observation that is not finite.
         is_void = is_lost & ~np.isfinite(self._observation).all(axis=1)
         self._observation[is_void] = before[is_void]
         self._has_ended = terminated | truncated
@@ -292,7 +293,7 @@ class Episodes:
     def _of_seed(self, seed: int) -> Campaign:
         scenario = dict(self._campaign.scenario)
         plant = scenario['plant']
-        # Episodes of other seeds have other noise, also without a draw.
+        # Episodes of different seeds have different noise, also without drawn parameters.
         scenario['plant'] = {**plant, 'seed': (plant['seed'] + seed) % _SEEDS}
         return replace(self._campaign, seed=seed, scenario=scenario)
 
@@ -408,8 +409,8 @@ def _action_limit(
     """
     Return the largest torques (joints) in N·m.
 
-    Without `limit` it is the `torque_limit` of the plant, or else that of the controller, or else
-    `DEFAULT_TORQUE`, for each joint.
+    Without `limit`, each joint has the `torque_limit` of the plant. If that is 0, it has the
+    limit of the controller, and `DEFAULT_TORQUE` if that is 0 as well.
     """
     joints = mechanism.sizes['joints']
     if limit is None:

@@ -33,7 +33,7 @@ class MobileManipulator(Env[Array, Array]):
     Attributes
     ----------
     episodes
-        robot with its current episode; `episodes.entries` has the names of an observation.
+        Robot with its current episode; `episodes.entries` has the names of an observation.
 
     """
 
@@ -48,7 +48,7 @@ class MobileManipulator(Env[Array, Array]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, object] | None = None
     ) -> tuple[Array, dict[str, object]]:
-        """Start the next episode; with a seed the first one of it."""
+        """Start the next episode; with a seed, its first episode."""
         super().reset(seed=seed)
         observations, infos = _reset(self, seed)
         return observations[0], infos[0]
@@ -67,12 +67,12 @@ class MobileManipulator(Env[Array, Array]):
 
 class MobileManipulators(VectorEnv[Array, Array, AnyArray]):
     """
-    Several robots, computed side by side.
+    Several robots, computed in parallel runs of one array.
 
     Attributes
     ----------
     episodes
-        robots with their current episodes.
+        Robots with their current episodes.
 
     """
 
@@ -98,7 +98,7 @@ class MobileManipulators(VectorEnv[Array, Array, AnyArray]):
         seed: int | Sequence[int] | None = None,
         options: dict[str, object] | None = None,
     ) -> tuple[Array, dict[str, object]]:
-        """Start the next episode of all robots; with a seed the first ones of it."""
+        """Start the next episode of all robots; with a seed, its first episodes."""
         super().reset(seed=seed if isinstance(seed, int) else None)
         observations, infos = _reset(self, seed)
         return observations, self._together(infos)
@@ -128,7 +128,7 @@ def _spaces(episodes: Episodes) -> tuple[Box[Any], Box[Any]]:
 def _reset(
     environment: MobileManipulator | MobileManipulators, seed: int | Sequence[int] | None
 ) -> tuple[Array, Infos]:
-    """Start the next episodes; without any seed so far, a random one is drawn."""
+    """Start the next episodes; the first call without a seed draws a random one."""
     episodes = environment.episodes
     if seed is not None or not episodes.is_seeded:
         episodes.seed(int(environment.np_random.integers(2**32)) if seed is None else seed)

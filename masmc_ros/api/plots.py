@@ -23,13 +23,13 @@ class Plots(NamedTuple):
     Attributes
     ----------
     label
-        law, for the caption.
+        Law, for the caption.
     time
         (n) s.
     error
         (n, axes) e = x - x_d in m and rad.
     metrics
-        metrics of the run.
+        Metrics of the run.
 
     """
 
@@ -40,17 +40,17 @@ class Plots(NamedTuple):
 
     def errors(self, point: str = '') -> Figure:
         """
-        Draw the errors of a point over time, and enlarged once settled.
+        Draw the errors of a point over time, and enlarged after settling.
 
         Parameters
         ----------
         point
-            key of the point, such as `end_effector`; empty: the first one.
+            Key of the point, such as `end_effector`; empty: the first one.
 
         Raises
         ------
         InputError
-            If the robot has no such point, or the run is too short to be settled.
+            if the robot has no such point, or the run is too short to be settled.
 
         """
         # matplotlib takes a second to import.

@@ -24,7 +24,7 @@ class Scenario:
     Attributes
     ----------
     file
-        path of the parameter file.
+        Path of the parameter file.
     settings
         NAME=VALUE, as in `--set`.
 
@@ -44,7 +44,7 @@ class Scenario:
         return robot_of(self.values['plant'])
 
     def __repr__(self) -> str:
-        """Return the call that loads the scenario, for the command line."""
+        """Return the arguments of `masmc simulate` for the scenario."""
         return ' '.join([self.file, *(f'--set {text}' for text in self.settings)])
 
 
@@ -57,16 +57,16 @@ def load(
     Parameters
     ----------
     scenario
-        parameter file, name of an installed one, or a scenario to change.
+        Parameter file, name of an installed one, or a scenario to change.
     settings
-        values by name as in `--set`: `{'plant.robot.link_2_mass': 1.2}`.
+        Values by name as in `--set`: `{'plant.robot.link_2_mass': 1.2}`.
     values
-        the same by the name without its node: `k_s1=150`; two underscores stand for a dot.
+        The same by the name without its node: `k_s1=150`; two underscores stand for a dot.
 
     Raises
     ------
     InputError
-        If there is no such file, a name is unknown or a value is out of range.
+        if there is no such file, a name is unknown or a value is out of range.
 
     """
     changed = scenario if isinstance(scenario, Scenario) else Scenario(scenario_file(scenario))

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Settings of the Python interface as those of the command line."""
+"""Conversion of settings of the Python interface to those of the command line."""
 
 from __future__ import annotations
 

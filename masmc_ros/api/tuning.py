@@ -33,13 +33,13 @@ class TunedScenario:
     Attributes
     ----------
     scenario
-        scenario that was tuned.
+        Scenario that was tuned.
     variables
-        searched parameters.
+        Searched parameters.
     columns
-        the two minimised metrics.
+        The two minimised metrics.
     search
-        all candidates, the front and the chosen candidate.
+        All candidates, the front and the chosen candidate.
 
     """
 
@@ -110,31 +110,31 @@ def tune(
     Parameters
     ----------
     scenario, settings, values
-        as in `load`.
+        As in `load`.
     ranges
-        searched parameters with LOW:HIGH or LOW:HIGH:log:
+        Searched parameters with LOW:HIGH or LOW:HIGH:log:
         `{'controller.k_s1': '20:400:log'}`.
     draw
-        distributions by name, as in `sweep`.
+        Distributions by name, as in `sweep`.
     runs
-        runs of each candidate; one without `draw`.
+        Number of runs of each candidate; without `draw` it is 1.
     objectives
-        two metrics, columns of `sweep`; empty: the RMS error of the first point.
+        Two metrics, columns of `sweep`; empty: the RMS error of the first point.
     percentile
-        percentile of the metrics over the runs; 100: the worst run.
+        Percentile of the metrics over the runs; 100: the worst run.
     evaluations
-        number of candidates.
+        Number of candidates.
     seed
-        seed of the draws and of the search.
+        Seed of the draws and of the search.
     sobol
-        whether the draws are points of a Sobol sequence.
+        True if the draws are points of a Sobol sequence.
     threads
-        number of threads; 0: one for each processor.
+        Number of threads; 0: one for each processor.
 
     Raises
     ------
     InputError
-        If a name is unknown or a value out of range.
+        if a name is unknown or a value out of range.
 
     """
     return search(
@@ -164,7 +164,7 @@ def search(
     sobol: bool,
     threads: int,
 ) -> TunedScenario:
-    """Carry out `tune`; ranges and draws are texts NAME=VALUE of the command."""
+    """Search gains as `tune` does, with ranges and draws as texts NAME=VALUE of the command."""
     drawn = [parsed_draw(text) for text in draws]
     campaign = campaign_of(
         scenario.file, scenario.settings, draws=drawn, repeats=runs if drawn else 1, seed=seed,

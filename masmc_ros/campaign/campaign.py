@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Description of a campaign: a scenario, and the values of its runs by their numbers."""
+"""Description of a campaign: a scenario, and the values that vary between its runs."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _SEEDS = 2**32
 @dataclass(frozen=True, eq=False)
 class Campaign(Description):
     """
-    Description of a campaign; every run follows from it and from the number of the run.
+    Description of a campaign, which determines each run by its number.
 
     The runs are the points of the grid of all axes, the last axis fastest, with `repeats` runs at
     each point. Run k of a point has draw k and seed `plant.seed` + k, the same at all points.
@@ -79,7 +79,7 @@ class Campaign(Description):
 
     @property
     def lanes(self) -> int:
-        """Return the number of runs that are computed side by side."""
+        """Return the number of lanes: runs that are computed in one array."""
         return self.most_lanes if self.total >= WORTH_LANES else 1
 
     @cached_property
@@ -93,7 +93,7 @@ class Campaign(Description):
 
     @cached_property
     def text(self) -> str:
-        """Return the description as JSON, from which `from_text` makes it again."""
+        """Return the description as JSON, from which `from_text` restores it."""
         return json.dumps(
             {field.name: getattr(self, field.name) for field in fields(self)}, sort_keys=True
         )

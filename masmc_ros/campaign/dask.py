@@ -82,7 +82,7 @@ class Cluster:
         own = versions()
         try:
             answers: dict[str, dict[str, str]] = self._client.run(versions)
-        except Exception as error:  # whatever a worker raises that lacks this package
+        except Exception as error:  # a worker without this package can raise anything
             raise InputError(
                 f'{place}: a worker cannot import masmc_ros ({error}); install masmc_ros'
                 f' {__version__} on all workers'
@@ -121,7 +121,7 @@ class Cluster:
                 rows: Rows = future.result()
             except KilledWorker as error:
                 raise InputError(
-                    f'a part of the campaign has ended several workers: {error}; expected enough '
+                    f'a part of the campaign has killed several workers: {error}; expected enough '
                     'memory on each worker'
                 ) from None
             running.update(submitted(1))

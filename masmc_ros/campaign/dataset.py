@@ -4,9 +4,9 @@
 """
 Dataset of a campaign: a folder of Parquet files, one for each part.
 
-The name of a file has the first run and the number of runs, and a file gets its name once it is
-complete. An interrupted campaign therefore continues with the runs that no file has. Every file
-has the description of the campaign, the versions and the key as metadata.
+The name of a file contains its first run and its number of runs. A file gets its name when it is
+complete, so an interrupted campaign continues with the missing runs. The metadata of every file
+contain the description of the campaign, the versions and the key.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from pyarrow import parquet
 _NAME = re.compile(r'part-([0-9]{10})-([0-9]+)\.parquet')
 
 _PREFIX = 'masmc_ros.'
-"""Of the names of metadata."""
+"""Prefix of the names of metadata."""
 
 
 def versions() -> dict[str, str]:
@@ -68,7 +68,7 @@ class Dataset:
                     'the same command to continue; choose another --output, or remove the folder'
                 )
         for path in folder.glob('part-*.parquet.part'):
-            path.unlink()  # of a killed process
+            path.unlink()  # left by a killed process
 
     def missing(self, size: int) -> Iterator[tuple[int, int]]:
         """Yield first run and number of runs of missing parts, at most `size` runs per part."""
@@ -84,7 +84,7 @@ class Dataset:
         return sum(count for _, count in self._ranges())
 
     def write(self, rows: Rows) -> None:
-        """Write the rows of a part to a new file, which is complete or missing."""
+        """Write the rows of a part to a new file, which appears when it is complete."""
         make_folder(self.folder)
         first, count = int(rows['run'][0]), len(rows['run'])
         path = self.folder / f'part-{first:010d}-{count}.parquet'

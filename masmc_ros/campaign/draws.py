@@ -4,10 +4,10 @@
 """
 Random values of parameters, as a function of the number of a run.
 
-A draw needs no state: any batch of runs gives the same values, in any order. Random sampling
-takes number k of a stream that depends on the seed and on the name of the parameter (Philox), so
-another draw does not change it. Sobol sampling takes point k of a scrambled sequence with one
-dimension per draw.
+A draw has no state, so the values of a run do not depend on the batch or on the order of runs. In
+random sampling, run k uses number k of a stream (Philox), which the seed and the name of the
+parameter determine; other draws do not change it. In Sobol sampling, run k uses point k of a
+scrambled sequence with one dimension per draw.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ import numpy as np
 FORM = 'NAME=DISTRIBUTION:NUMBER:NUMBER, such as robot.link_2_mass=uniform:0.6:1.4'
 
 _MANTISSA, _SPACING = 11, 2.0**-53
-"""Bits that a double cannot hold of 64, and the distance of the numbers from the others."""
+"""Bits of 64 that do not fit into a double, and the spacing of the resulting numbers."""
 
 _SOBOL_BITS = 30
 _WORDS = 4
@@ -51,13 +51,13 @@ class Distribution(NamedTuple):
 
 
 class Uniform(NamedTuple):
-    """Uniform distribution with the interface and the bits of SciPy's, which imports for long."""
+    """Uniform distribution, bitwise that of SciPy, whose import takes long."""
 
     low: float
     width: float
 
     def ppf(self, part: Array) -> Array:
-        """Return the values below which parts of the distribution are."""
+        """Return the quantiles of probabilities."""
         return part * self.width + self.low
 
     def median(self) -> float:
@@ -207,7 +207,7 @@ def _sobol(dimensions: int, seed: int, first: int, count: int) -> list[Array]:
 
     sequence = qmc.Sobol(dimensions, scramble=True, bits=_SOBOL_BITS, seed=seed)
     with warnings.catch_warnings():
-        # A part of the sequence is no power of two, but the whole may be one.
+        # SciPy warns of lengths that are no power of two, also for a part of such a sequence.
         warnings.simplefilter('ignore', UserWarning)
         if first:
             sequence.fast_forward(first)

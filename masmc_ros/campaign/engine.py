@@ -48,7 +48,7 @@ def computed(
     campaign
         Campaign.
     parts
-        Function that returns the parts to compute, of a largest number of runs.
+        Function that returns the parts to compute, for a largest number of runs in a part.
     threads
         Number of threads; 0: one for each processor.
     scheduler
@@ -61,7 +61,7 @@ def computed(
 
     """
     if scheduler:
-        # The import takes time and needs a package of its own.
+        # Dask is optional, and its import takes time.
         from masmc_ros.campaign.dask import Cluster
 
         with Cluster(scheduler) as cluster:
@@ -93,7 +93,7 @@ def carry_out(
     threads, scheduler
         As for `computed`.
     advance
-        Called with numbers of runs that are done, first with those of an earlier start.
+        Called with the number of newly completed runs, first with those of an earlier start.
 
     Returns
     -------
@@ -105,14 +105,14 @@ def carry_out(
         if the folder has rows of another campaign, and as `computed`.
 
     """
-    # The import needs a package of its own.
+    # pyarrow is optional.
     from masmc_ros.campaign.dataset import Dataset
 
     check_folder(folder)
     dataset = Dataset(folder, campaign)
     advance(dataset.done)
     if dataset.done < campaign.total:
-        # This process alone writes.
+        # Only this process writes the dataset.
         with closing(
             computed(campaign, dataset.missing, threads=threads, scheduler=scheduler)
         ) as results:

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Rows of a part of a campaign: a pure function of the campaign and the numbers of the runs.
+Rows of a part of a campaign, as a pure function of the campaign and the numbers of the runs.
 
 Runs of equal law, timing and trajectory are computed in lanes. Every lane is bitwise identical to
 the run alone, so the rows do not depend on the size of parts or on the order.
@@ -132,13 +132,13 @@ def _computed(batch: Sequence[Run], lanes: int) -> list[Metrics | float]:
     except InputError as error:
         if len(batch) == 1:
             raise InputError(f'run {batch[0].number}: {error}') from None
-        # Find the run that cannot be computed.
+        # Compute the runs alone, which raises the error of the invalid one with its number.
         for run in batch:
             _computed([run], lanes)
         raise
 
 
 def _number(column: Column, result: Metrics | float) -> float:
-    """Return a metric; NaN for a run that was lost, and without data."""
+    """Return a metric; NaN for a lost run, and for missing data."""
     value = None if isinstance(result, float) else column.value(result)
     return np.nan if value is None else value

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Runs that follow from a description and from their numbers."""
+"""Descriptions of runs, and the run of each number."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ NODES = ('plant', 'trajectory', 'controller')
 """Nodes of a simulated run."""
 
 LANES = 16
-"""Number of runs side by side, which fills the widest vectors twice."""
+"""Number of parallel runs in one array; it fills the widest vector registers twice."""
 
 WORTH_LANES = 4 * LANES
-"""Number of runs with equal kernel from which compilation for lanes is faster."""
+"""Smallest number of runs for which compiling a kernel for lanes saves time."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class Run:
 
 class Description(ABC):
     """
-    Description of runs, which any thread, process or machine computes alike.
+    Description of runs, from which every thread, process and machine computes the same rows.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ class Description(ABC):
     @property
     @abstractmethod
     def lanes(self) -> int:
-        """Return the number of runs that are computed side by side."""
+        """Return the number of lanes: runs that are computed in one array."""
 
     @cached_property
     def mechanism(self) -> Mechanism:
@@ -83,7 +83,7 @@ class Description(ABC):
 
     @cached_property
     def most_lanes(self) -> int:
-        """Return the largest useful number of lanes: the code of trees does not vectorise."""
+        """Return the largest useful number of lanes; code of trees does not vectorise, so 1."""
         return 1 if AT_RUN_TIME in self.mechanism.sizes else LANES
 
     @cached_property
@@ -94,7 +94,7 @@ class Description(ABC):
     @property
     @abstractmethod
     def text(self) -> str:
-        """Return the description as JSON, from which `from_text` makes it again."""
+        """Return the description as JSON, from which `from_text` restores it."""
 
     @classmethod
     @abstractmethod

@@ -88,7 +88,7 @@ def values_by_point(campaign: Campaign, values: Array) -> Array:
     shape = tuple(len(axis.values) for axis in campaign.axes)
     by_point = values.reshape(*shape, campaign.repeats)
     known = np.isfinite(by_point)
-    # A point whose runs are lost, all of them or most, has no median.
+    # With half or more of the runs lost, the median is infinite.
     filled = np.where(known, by_point, math.inf)
     medians: Array = np.median(filled, axis=-1)
     return np.where(np.isfinite(medians), medians, np.nan)
@@ -102,7 +102,7 @@ def _percentiles(campaign: Campaign, columns: Columns, width: int) -> list[str]:
         known = values[~np.isnan(values)] * column.factor
         if not len(known):
             continue
-        # Observed values, as the mean of two of them may be infinite.
+        # `nearest` selects an observed value: interpolation with an infinite one is NaN.
         percentiles = np.percentile(known, _PERCENTILES, method='nearest').tolist()
         cells = (number(v) if math.isfinite(v) else 'does not' for v in percentiles)
         body.append([label(column), *cells])
@@ -112,7 +112,7 @@ def _percentiles(campaign: Campaign, columns: Columns, width: int) -> list[str]:
 def _best(campaign: Campaign, columns: Columns, metric: Column) -> list[str]:
     medians = values_by_point(campaign, columns[metric.name])
     if not np.isfinite(medians).any():
-        return ['no point of the grid where most runs stay finite']
+        return ['no point of the grid has finite metrics in most of its runs']
     place = np.unravel_index(int(np.nanargmin(medians)), medians.shape)
     point = ', '.join(
         f'{axis.name} = {_shown(axis.values[int(i)])}'

@@ -31,7 +31,7 @@ def computed(
     """
     Yield the rows of parts in the order of completion.
 
-    The kernel runs without Python's lock. If the caller closes the generator early, threads end
+    Kernels release Python's lock. If the caller closes the generator early, the threads end
     after their current batch.
 
     Parameters

@@ -6,8 +6,8 @@ Search of parameters that minimise two metrics at once, over drawn robots.
 
 NSGA-II of Optuna proposes generations of candidates. Each candidate runs with all draws, which
 are the same for all candidates. Its objectives are a percentile of the metrics over these runs; a
-lost run counts as infinite. The result are the candidates that no other one surpasses in both
-metrics, the Pareto front.
+lost run counts as infinite. The result is the Pareto front: the candidates for which no other one
+is better in both metrics.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ POPULATION = 32
 FORM = 'NAME=LOW:HIGH or NAME=LOW:HIGH:log'
 
 _LOST = 1.0e300
-"""Objective of candidates with lost runs: Optuna accepts no infinite ones in its distances."""
+"""Objective of candidates with lost runs; with infinite ones, distances in Optuna are NaN."""
 
 
 class Range(NamedTuple):
@@ -66,7 +66,7 @@ class Tuning(NamedTuple):
     candidates
         All evaluated candidates.
     front
-        Candidates that no other one surpasses, sorted by the first objective.
+        Pareto front, sorted by the first objective.
     chosen
         Candidate of the front with the smallest first objective whose second one does not exceed
         that of `start`. Without such a candidate it is the one nearest to the smallest objectives.
@@ -259,7 +259,7 @@ def tuned(
 
 
 def pareto_front(candidates: Sequence[Candidate]) -> list[Candidate]:
-    """Return the finite candidates that no other one surpasses, sorted by the first objective."""
+    """Return the Pareto front of the finite candidates, sorted by the first objective."""
     front: list[Candidate] = []
     for candidate in sorted(candidates, key=lambda entry: entry.objectives):
         is_better = not front or candidate.objectives[1] < front[-1].objectives[1]

@@ -17,7 +17,7 @@ from masmc_ros.campaign.summary import label, metric_named, text, values_by_poin
 from masmc_ros.cli.arguments import add_file, add_output, add_seed, add_settings, add_workers
 from masmc_ros.output_files import write_file
 from masmc_ros.report.aligned import WIDTH
-from masmc_ros.report.draw.campaign import draws_figure, map_figure, MapAxis
+from masmc_ros.report.draw.campaign_figures import draws_figure, map_figure, MapAxis
 from masmc_ros.report.draw.style import paper_style, png
 from masmc_ros.share import scenario_file
 from tqdm import tqdm
@@ -80,7 +80,7 @@ def run_campaign(options: argparse.Namespace, axes: Sequence[Axis] = ()) -> int:
             medians = values_by_point(campaign, values) * metric.factor
             contents['map.png'] = png(map_figure(map_axes, medians, label(metric)))
         if campaign.draws:
-            drawn = {each.name: columns[each.name] for each in campaign.draws}
+            drawn = {draw.name: columns[draw.name] for draw in campaign.draws}
             figure = draws_figure(drawn, values * metric.factor, columns['lost'], label(metric))
             contents['draws.png'] = png(figure)
     for name, content in contents.items():

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import math
 
 from masmc_ros.campaign.part import Rows
-from masmc_ros.compare.campaign import Comparison
 from masmc_ros.compare.contenders import Contender
+from masmc_ros.compare.law_comparison import Comparison
 from masmc_ros.report.measure.metrics import declared, Metrics
 from masmc_ros.robot.declaration import Point
 import numpy as np

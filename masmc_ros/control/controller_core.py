@@ -66,10 +66,10 @@ STATES, REFERENCE, LAW, RUNAWAY = 'states', 'reference', 'law', 'run-away'
 """Causes of faults."""
 
 SECOND_LOOK = 0.01
-"""Time in s after which missing states are checked again; this process may have been late."""
+"""Time in s after which a missing state is confirmed; this process may have been late."""
 
 UNFOLDING_TIME = 5.0
-"""Longest time in s to leave a singular posture."""
+"""Longest time in s to leave a singular joint position."""
 
 _QUIET = 1.0
 """Time in s between two lines about missing states."""
@@ -78,14 +78,14 @@ _QUIET = 1.0
 @dataclass(slots=True)
 class Counts:
     """
-    Counts of states that were not the next one, and of ticks without a computation.
+    Numbers of states that arrived out of order, and of periods without a computation.
 
     Attributes
     ----------
     late, repeated, gaps
         States older than the last one, states with its stamp, and gaps between states.
     skipped
-        Control periods for which a torque was held beyond its own.
+        Control periods without a new torque, during which the previous one was held.
 
     """
 
@@ -221,7 +221,7 @@ class ControllerCore:
         """
         order = self._order.judge(stamp)
         if order is Order.LATE:
-            # Neither this state nor a later repetition of the last one shows that the robot runs.
+            # After a late state, a repetition of the last one does not prove that the robot runs.
             self.counts.late += 1
             self._is_confused = True
             return NOTHING
@@ -536,7 +536,7 @@ class ControllerCore:
             self._position[:], self._velocity[:] = position, velocity
         self._is_waiting = True
         self._more.append(Wait(reason))
-        # A robot that was moved before must not continue with its last torque.
+        # A robot that the law has moved must not continue with its last torque.
         if self.pacing.is_timed and self._computed is not None and self._halted != stamp:
             self._halted = stamp
             self._halt()
@@ -544,7 +544,7 @@ class ControllerCore:
         return self._take_more()
 
     def _unfolds(self, stamp: int, position: Array, velocity: Array) -> bool:
-        """Leave a singular posture before the law starts; False if the posture is regular."""
+        """Leave a singular joint position before the law starts; return False if it is regular."""
         if not self._is_unfolding:
             if not (
                 self.pacing.approaches(was_off=self._was_computed is False)
@@ -617,7 +617,7 @@ class ControllerCore:
         if is_singular != self._was_singular:
             self._was_singular = is_singular
             self._log_singularity(stamp, is_singular=is_singular)
-        # An error that has ended the run is returned again.
+        # The error that has ended the run, if any.
         return self._error
 
     def _skip_ticks(self, stamp: int, position: Array, now: float) -> None:
@@ -721,7 +721,7 @@ class ControllerCore:
             text = 'time was set back; the controller restarts'
             self._more.append(Line('info', text))
             if not self.pacing.is_timed:
-                # In the restarted run this controller has not moved the robot yet.
+                # In the restarted run, this controller has not yet moved the robot.
                 self._computed, self._has_guided = None, False
         else:
             self.counts.gaps += 1
@@ -730,7 +730,7 @@ class ControllerCore:
                 self._more.append(Line('warning', text))
         self._lateness.restart()
         if not self._stop.commands:
-            # The last command is not in effect any more.
+            # The robot does not apply the last command any more.
             self.controller.output_not_applied()
         self._pending = None
         self._activation = -1

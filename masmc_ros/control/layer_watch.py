@@ -34,7 +34,7 @@ class LayerWatch:
         return least_task_inertia(robot.mechanism, theta, robot.geometry, position)
 
     def restart(self) -> None:
-        """Restart after a change of the law."""
+        """Discard the longest hold, after a change of the law."""
         self._longest = 0
 
     def check(self, periods: int, position: Array, now: float) -> str | None:

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Order of the stamp of a state after the last one: next, repeated, late, or another time."""
+"""Order of the stamps of states: next, repeated, late, or after a change of the clock."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _CONFIRMED = 3
 """Number of consecutive older states after which time was set back."""
 
 _MIN_PERIODS = 5
-"""Smallest state timeout in control periods; with a shorter one every state could be late."""
+"""Smallest state timeout in control periods; shorter ones would reject ordinary jitter."""
 
 
 def state_timeout(values: Values) -> float:

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Age of states, from stamps and times of arrival: deviations from its mean, and a check."""
+"""Age of states by their stamps and times of arrival: deviation from the mean, and a warning."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class StateLateness:
     """
     Difference of the age of each state to the mean age.
 
-    A constant difference of the clocks of stamps and arrivals has no effect.
+    A constant difference between the clocks of sender and receiver has no effect.
     """
 
     def __init__(self) -> None:
@@ -47,8 +47,9 @@ def outdated_latency(controller: Controller, age: float) -> str:
     controller
         Controller with its parameters.
     age
-        Mean age of the states in s when their commands are sent, by their stamps. It is a part
-        of the latency, so it is a lower bound. Ages below zero are those of another clock.
+        Mean age of the states in s when their commands are sent, by their stamps. The age
+        is a part of the latency, so it is a lower bound. A negative age shows that the sender has
+        another clock.
 
     """
     latency = controller.values['latency'] + controller.values['motor_lag']

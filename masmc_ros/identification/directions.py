@@ -4,15 +4,16 @@
 """
 Combinations of parameters that a motion did not excite.
 
-Some combinations have no effect on any motion: all others are the base parameters (Gautier 1991).
-Of these, a run excites those that it determines better than the nominal robot is known.
+Combinations without an effect on any motion cannot be identified; the others are the base
+parameters (Gautier 1991). A run excites a base parameter if it determines the parameter better
+than the prior of the nominal robot.
 """
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-from masmc_ros.identification.consistency import Scale
+from masmc_ros.identification.consistent_parameters import Scale
 from masmc_ros.identification.identify import EXCITED, Identified
 from masmc_ros.identification.regressor import instantaneous
 from masmc_ros.numerics.aliases import Array
@@ -20,10 +21,10 @@ from masmc_ros.robot.robot import Robot
 import numpy as np
 
 _STATES = 200
-"""Random states that excite all that any motion can excite."""
+"""Number of random states, enough to excite every base parameter."""
 
 _RANK = 1.0e-9
-"""Relative singular value of a combination without effect."""
+"""Largest relative singular value of a combination without effect."""
 
 _SHOWN = 0.2
 """Smallest factor of a named parameter in a combination."""
@@ -63,7 +64,7 @@ def base_parameters(robot: Robot, scale: Scale) -> Array:
     position[:, -joints:] = random.uniform(low, high, (_STATES, joints))
     rates, accelerations = random.uniform(-1.0, 1.0, (2, _STATES, joints))
     matrix = instantaneous(robot, position, rates, accelerations).matrix
-    # Rows of one joint have one unit.
+    # All rows of a joint have the same unit, so each joint is scaled by its RMS torque.
     matrix = matrix / np.sqrt(np.mean((matrix @ scale.scale) ** 2, axis=(0, 2)))[:, None]
     _, values, rows = np.linalg.svd(
         matrix.reshape(-1, matrix.shape[2]) @ scale.scale, full_matrices=False
@@ -86,7 +87,7 @@ def unexcited(identified: Identified, base: Array) -> list[Direction]:
 
 
 def _sparse(rows: Array) -> Array:
-    """Return combinations of rows (d, p) that each have an entry of 1 where others have 0."""
+    """Return combinations of rows (d, p); each has a 1 in a column where the others have 0."""
     rows = rows.copy()
     free = np.ones(len(rows), bool)
     for _ in range(len(rows)):

@@ -4,25 +4,25 @@
 """
 Delay between commanded torques and the efforts that drives report.
 
-Many drives report the torque of their motors as `effort` in joint_states: the command, delayed and
-filtered by the lag of the motors. Delay and lag are those with which the commands explain the
-changes of the efforts best. Gain and offset of each joint are free, because the efforts may be
-currents. The efforts are means over the interval that ends with their stamp; those of an instant
-give delays that are up to one period too small.
+Many drives report the torque of their motors as `effort` in joint_states. This is an echo of the
+command, delayed and filtered by the lag of the motors. The fit finds the delay and the lag with
+which the commands explain the changes of the efforts best. Gain and offset of each joint are free,
+because the efforts may be currents. An effort is assumed to be the mean over the interval before
+its stamp. For instantaneous efforts, the delay is up to one period too small.
 """
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
+from masmc_ros.identification.latency_fit import Estimate, LARGEST, LatencyFit
 from masmc_ros.identification.state_buffer import StateBuffer
-from masmc_ros.identification.timing import Estimate, LARGEST, Timing
 from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.compiled import kernel
 import numpy as np
 
 BURST = 2.0
-"""Length of the compared parts in s."""
+"""Duration of a compared part of the run in s."""
 
 _PAUSE = 14
 """Time between two parts, as a multiple of their length."""
@@ -31,10 +31,10 @@ _FEWEST = 150
 """Smallest number of samples of a part."""
 
 _CHANGE = 0.05
-"""Interval in s of the compared changes, so slow torques do not count."""
+"""Interval in s of the compared changes; slow torques change little over it."""
 
 _SHARES = (0.0, 0.5, 0.9)
-"""Shares of the lag in the sum of both at the start of the search."""
+"""Shares of the lag in the sum of delay and lag, at the start of the search."""
 
 _COARSE = 2.0e-3
 """Step in s of the first search."""
@@ -49,7 +49,7 @@ _LEAST_CHANGE = 1.0e-3
 """Smallest RMS change of the effort of a used joint, relative to the largest one."""
 
 _EXPLAINED = 0.98
-"""Share of the squared changes that the commands explain if the efforts are their echo."""
+"""Smallest share of the squared changes that the commands of an echo explain."""
 
 _PRECISE = 1.0e-3
 """Largest standard error in s of the sum of delay and lag."""
@@ -69,7 +69,7 @@ class EchoBuffer:
 
     def add(self, stamp: int, effort: Array, torque: Array) -> tuple[Array, Array, Array] | None:
         """
-        Add a state and its answer; return times in s, efforts and torques of a complete part.
+        Add a state and its command; return times in s, efforts and torques of a complete part.
 
         Parameters
         ----------
@@ -91,7 +91,7 @@ class EchoBuffer:
 
 
 class _Fit(NamedTuple):
-    """Weighted remaining changes (r) of the efforts, and the share that is explained."""
+    """Scaled changes (r) of the efforts without explanation, and the explained share."""
 
     residual: Array
     explained: float
@@ -128,7 +128,7 @@ def compile_echo() -> None:
     _echo(np.array([0.0, 1.0]), np.zeros((2, 1)), 0.0, 0.0, np.empty((2, 1)))
 
 
-def fit_echo(times: Array, effort: Array, torque: Array) -> Timing | None:
+def fit_echo(times: Array, effort: Array, torque: Array) -> LatencyFit | None:
     """
     Return the delay and the lag of the efforts; None if they are no echo of the torques.
 
@@ -139,7 +139,7 @@ def fit_echo(times: Array, effort: Array, torque: Array) -> Timing | None:
     effort
         (N, n) Efforts in the states.
     torque
-        (N, n) Commanded torques that answer the states.
+        (N, n) Commanded torques, each computed from the state of the same row.
 
     """
     period = float(np.median(np.diff(times)))
@@ -189,18 +189,18 @@ def fit_echo(times: Array, effort: Array, torque: Array) -> Timing | None:
     if total.error > _PRECISE:
         return None
     errors = np.sqrt(np.diag(covariance)).tolist()
-    return Timing(Estimate(delay, errors[0]), Estimate(lag, errors[1]), total)
+    return LatencyFit(Estimate(delay, errors[0]), Estimate(lag, errors[1]), total)
 
 
-def echo_text(timing: Timing) -> str:
+def echo_text(timing: LatencyFit) -> str:
     """Return delay and lag in ms as text."""
     total, lag = (f'{1e3 * t.value:.1f} ± {1e3 * t.error:.1f}' for t in (timing.total, timing.lag))
     return f'{total}, with a motor lag of {lag}'
 
 
-def wrong_latency(timing: Timing, latency: float, motor_lag: float, period: float) -> str:
+def wrong_latency(timing: LatencyFit, latency: float, motor_lag: float, period: float) -> str:
     """
-    Return a warning if the latency is set to another value than that of the efforts, else ''.
+    Return a warning if the parameters differ from the latency of the efforts, otherwise ''.
 
     Parameters
     ----------

@@ -14,7 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from masmc_ros.errors import InputError
-from masmc_ros.identification.consistency import Scale, scaled
+from masmc_ros.identification.consistent_parameters import Scale, scaled
 from masmc_ros.identification.directions import base_parameters
 from masmc_ros.identification.identify import Nominal
 from masmc_ros.identification.regressor import instantaneous, record_of
@@ -48,13 +48,13 @@ _SHARE = 0.8
 """Part of the limits of speed and torque that the motion uses."""
 
 _CANDIDATES = 80
-"""Evaluated series, the second half of them variations of the best one."""
+"""Number of evaluated series; the second half are variations of the best one."""
 
 _INSTANTS = 100
-"""States at which a series is evaluated."""
+"""Number of states at which a series is evaluated."""
 
 _SHRINKINGS = 60
-"""Attempts to bring the torques of a series within their limits."""
+"""Largest number of reductions of a series to bring its torques within their limits."""
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,7 @@ def limits_of(
     robot: Robot, start: Array, torque: Array, amplitude: float
 ) -> Limits:
     """
-    Return the limits of an exciting motion, with margins to those of the robot.
+    Return the limits of an exciting motion, which keep a margin to the limits of the robot.
 
     Parameters
     ----------
@@ -148,7 +148,7 @@ def limits_of(
         joint = robot.mechanism.joints[int(np.argmax(outside))].name
         raise InputError(f'{joint}: starts outside of its limits; expected a start within them')
     room = 0.9 * np.minimum(high - start, start - low)
-    # Those of the base have no limits.
+    # Joints that move the base have no position limits.
     wide = np.where(np.arange(len(start)) < len(robot.mechanism.twist), _FREE, amplitude)
     deviation = np.minimum(room, wide)
     speed = np.array(robot.mechanism.speed_limits)
@@ -228,7 +228,7 @@ def _evaluated(
         excess = np.abs(torque).max(axis=0) / limits.torque
         if (excess <= 1.0).all():
             break
-        # Joints at their limits move less, and all a little less, since they move each other.
+        # Reduce joints above their limits more than the others, which also affect their torques.
         series = series.times_factors(np.where(excess > 1.0, 0.85, 0.97))
     else:
         return series, np.inf
@@ -251,7 +251,7 @@ def _torques(
 
 
 def positions_of(robot: Robot, start: Array, angles: Array) -> Array:
-    """Return the positions (N, positions) of joint angles (N, n), with the base by rolling."""
+    """Return the positions (N, positions) of joint angles (N, n); the base follows by rolling."""
     positions: Array = _positions(
         record_of(robot, np.zeros(len(robot.theta))),
         np.ascontiguousarray(start),
@@ -272,9 +272,9 @@ def _positions(body: Records, start: Array, angles: Array) -> Array:
         free(record, unused)
         at = to_vector(start if k == 0 else out[k - 1], place)
         before = to_vector(angles[max(k - 1, 0)], template)
-        now = to_vector(angles[k], template)
+        after = to_vector(angles[k], template)
         pose = mechanism.dead_reckoned(
-            model, head(at, record.pose), elementwise(minus, now, before)
+            model, head(at, record.pose), elementwise(minus, after, before)
         )
         for i in range(base):
             out[k, i] = pose[i]

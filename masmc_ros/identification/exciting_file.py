@@ -33,13 +33,13 @@ _DIGITS = 9
 """Decimals of times and points, in s, m and rad."""
 
 _FINE = 100
-"""Steps of rolling between two points."""
+"""Number of steps between two points, to integrate the rolling of the base."""
 
 _LAW = 'computed_torque'
 """Law of the motion, which tolerates an unknown latency."""
 
 _UNUSED = ('recorder', 'live')
-"""Nodes whose parameters the motion does not concern."""
+"""Nodes whose parameters are not in the file."""
 
 
 class Excitation(NamedTuple):
@@ -129,7 +129,7 @@ def write_exciting(
 
 
 def _kept(node: str, values: Values, task: Values) -> MutableValues:
-    """Return the values of a node that differ from defaults, and do not belong to the old path."""
+    """Return the values of a node that differ from defaults, without the previous path."""
     before = {p.name: p for p in declared(node, mechanism_from(values))}
     robot = mechanism_from({**values, **task})
     kept = {}

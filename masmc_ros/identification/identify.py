@@ -19,31 +19,36 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from masmc_ros.errors import InputError
-from masmc_ros.identification.consistency import nearest_consistent, Scale, scaled
+from masmc_ros.identification.averaging_windows import (
+    average_of_held,
+    sample_weights,
+    Windows,
+    windows_in,
+)
+from masmc_ros.identification.consistent_parameters import nearest_consistent, Scale, scaled
+from masmc_ros.identification.latency_fit import fit_timing, LARGEST, LatencyFit
 from masmc_ros.identification.load import COULOMB_SHARE
 from masmc_ros.identification.regressor import averaged, Equations, FRICTIONS
 from masmc_ros.identification.samples import Samples
-from masmc_ros.identification.timing import fit_timing, LARGEST, Timing
-from masmc_ros.identification.windows import average_of_held, sample_weights, Windows, windows_in
 from masmc_ros.numerics.aliases import Array
 from masmc_ros.robot.robot import Robot
 import numpy as np
 from numpy.typing import NDArray
 
 _ROUNDS = 2
-"""Iterations of the weights of the joints."""
+"""Number of iterations of the weights of the joints."""
 
 _FINEST = 1.0e-6
 """Smallest standard deviation of a torque, relative to its RMS value."""
 
 _SHARPEST = 1.0e10
-"""Largest information of a scaled parameter in the metric of the nearest consistent ones."""
+"""Largest eigenvalue of the metric in which the nearest consistent parameters are computed."""
 
 EXCITED = 0.1
-"""Standard error of an excited parameter, at most this part of its prior standard deviation."""
+"""Largest standard error of an excited parameter, relative to its prior deviation."""
 
 _FEWEST_WINDOWS = 40
-"""Windows with which an identification is possible."""
+"""Smallest number of windows of an identification."""
 
 
 class Nominal(NamedTuple):
@@ -123,7 +128,7 @@ class Identified:
     values: Array
     errors: Array
     is_excited: NDArray[np.bool_]
-    timing: Timing
+    timing: LatencyFit
     residual: Array
     nominal_residual: Array
     deviations: Array
@@ -243,7 +248,7 @@ class _Problem:
         return np.concatenate([rows, np.zeros(self._count)])
 
     def residual(self, latency: float, lag: float) -> Array:
-        """Return the weighted residuals after the best parameters, for a timing in s."""
+        """Return the weighted residuals with the best parameters, for a latency and a lag in s."""
         right = self._right(self._run.torque(latency, lag))
         return np.asarray(right - self._orthogonal @ (self._orthogonal.T @ right))
 

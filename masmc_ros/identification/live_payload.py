@@ -4,12 +4,16 @@
 """
 Payload of a running robot, estimated from its states and commanded torques.
 
-The averaged equations of motion of `windows` need no accelerations. The difference between the
-torques and those of the nominal robot is linear in mass, first and second moments of a load that
-is fixed to the last link (Atkeson, An and Hollerbach 1986), in the friction of each joint that
-differs from the nominal one, and for small values in an error of the latency. Blocks of one second
-contribute sums of products only, and the blocks of a limited time give the estimate. Therefore
-the cost is constant, and a load that was picked up replaces the previous one after this time.
+The equations of motion are averaged over windows (`averaging_windows`) and need no accelerations.
+The measured torques differ from those of the nominal robot. This difference is linear in
+
+- the mass, first and second moments of a load that is fixed to the last link (Atkeson, An and
+  Hollerbach 1986),
+- the difference of each joint's friction from its nominal friction, and
+- a small error of the latency.
+
+A block of one second contributes sums of products only, and the estimate uses the latest blocks.
+The cost is therefore constant, and the estimate follows a change of the load.
 
 Shapes: n joints with commanded torques, W windows, c columns, K blocks.
 """
@@ -20,11 +24,16 @@ from collections import deque
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from masmc_ros.identification.averaging_windows import (
+    Average,
+    average_of_held,
+    sample_weights,
+    windows_in,
+)
+from masmc_ros.identification.latency_fit import Estimate
 from masmc_ros.identification.load import COULOMB_SHARE, EXPECTED_MOMENTS, Load, load_of
 from masmc_ros.identification.regressor import averaged
 from masmc_ros.identification.state_buffer import StateBuffer
-from masmc_ros.identification.timing import Estimate
-from masmc_ros.identification.windows import Average, average_of_held, sample_weights, windows_in
 from masmc_ros.numerics.aliases import Array
 from masmc_ros.robot.robot import Robot
 import numpy as np
@@ -37,7 +46,7 @@ _SPACING = 0.01
 """Shortest interval in s between two states that are used; all torques are used."""
 
 _HALF_PERIODS = 10
-"""Intervals between used states in half of a window."""
+"""Number of intervals between used states in half of a window."""
 
 _LATENCY_ERROR = 0.005
 """Expected error of the latency in s."""
@@ -46,22 +55,22 @@ _FINEST = 1.0e-3
 """Smallest standard deviation of a torque, relative to its RMS value."""
 
 _ROUNDS = 3
-"""Iterations of the weights of the joints."""
+"""Number of iterations of the weights of the joints."""
 
 _FEWEST_BLOCKS = 3
-"""Blocks with which an estimate is possible."""
+"""Smallest number of blocks of an estimate."""
 
 _CONTRADICTION = 0.5
-"""Ratio of the errors of the fewest blocks and of all blocks below which the load has changed."""
+"""Ratio of errors, with the latest blocks and with all, below which the load has changed."""
 
 _EXPLAINED = 0.9
-"""Share of the unexplained squared torques that a payload explains if it is reported."""
+"""Smallest share of the unexplained squared torques that a reported payload explains."""
 
 _LIGHTEST = 0.01
 """Smallest mass in kg that is reported."""
 
 _DETERMINED = 0.05
-"""Largest standard error in m of a coordinate of the centre of mass that is determined."""
+"""Largest standard error in m of a determined coordinate of the centre of mass."""
 
 _LOAD, _DELAY, _FRICTION, _MISSING, _TORQUE = 10, 10, slice(11, 13), 13, 14
 """Columns: moments of the load, latency, viscous and Coulomb friction, torques."""
@@ -80,7 +89,7 @@ class Block(NamedTuple):
     rates
         (N, joints) Measured joint rates in rad/s or m/s.
     torque
-        (N, joints) Torques in N·m or N that answer the states.
+        (N, joints) Torques in N·m or N, each computed from the state of the same row.
 
     """
 
@@ -99,8 +108,8 @@ class PayloadEstimate(NamedTuple):
     load
         Mass in kg and centre of mass in m, with standard errors.
     explained
-        Share of the weighted squared torques without explanation by the nominal robot and its
-        friction that the payload explains.
+        Share of the weighted squared torques that the payload explains, of those that the
+        nominal robot and its friction do not explain.
     later
         Additional latency in s, positive if the torques act later than assumed, with standard
         error.
@@ -132,7 +141,7 @@ class BlockBuffer:
 
     def add(self, stamp: int, position: Array, rates: Array, torque: Array) -> Block | None:
         """
-        Add the answer to a state, and return a block when it is complete.
+        Add a state and its command; return a block when it is complete.
 
         Parameters
         ----------
@@ -190,7 +199,7 @@ class PayloadEstimator:
         self.restart()
 
     def restart(self) -> None:
-        """Forget all blocks."""
+        """Discard all blocks."""
         self._blocks.clear()
 
     def add(self, block: Block, latency: float, *, uses_rates: bool = True) -> None:
@@ -217,7 +226,7 @@ class PayloadEstimator:
             angles = position[:, -rates.shape[1]:]
             rates = (angles[2:] - angles[:-2]) / (times[2:] - times[:-2])[:, None]
             times, position = times[1:-1], position[1:-1]
-            # These are averages of the rates, so the torques are averaged in the same way.
+            # These differences are averages of the rates, so torques are averaged in the same way.
             smoothing = Average(np.full(2, 0.5 / spacing), spacing)
         valid = np.ones(len(times) - 1, np.bool_)
         margin = latency + _LATENCY_ERROR + spacing
@@ -240,14 +249,14 @@ class PayloadEstimator:
         self._blocks.append(_Products(np.einsum('wja,wjb->jab', rows, rows), len(rows)))
 
     def estimate(self) -> PayloadEstimate | None:
-        """Return the payload, and forget blocks of another load; None with too few blocks."""
+        """Return the payload, and discard blocks of another load; None with too few blocks."""
         blocks = list(self._blocks)
         if len(blocks) < _FEWEST_BLOCKS:
             return None
         estimate = self._estimate_of(blocks)
         if len(blocks) > _FEWEST_BLOCKS:
             recent = self._estimate_of(blocks[-_FEWEST_BLOCKS:])
-            # More data of the same load would have a smaller error.
+            # With the same load, the error of all blocks would be smaller than that of a few.
             if recent.load.mass_error < _CONTRADICTION * estimate.load.mass_error:
                 del blocks[:-_FEWEST_BLOCKS]
                 self._blocks.clear()

@@ -14,7 +14,7 @@ _HEAVIEST = 20.0
 """Expected size of a mass in kg."""
 
 _FARTHEST = 0.3
-"""Expected distance of its centre of mass from the frame of the link, in m."""
+"""Expected distance of a centre of mass from the frame of the link, in m."""
 
 EXPECTED_MOMENTS = _HEAVIEST * np.repeat([1.0, _FARTHEST, _FARTHEST**2], [1, 3, 6])
 """(10) Expected sizes of the mass, and of the first and second moments, in kg, kg·m and kg·m²."""
@@ -50,7 +50,7 @@ def load_of(
     moments: Array, covariance: Array, rotation: Array | None = None, origin: Array | None = None
 ) -> Load:
     """
-    Return the load with some moments.
+    Return the mass and the centre of mass of a load with the given moments.
 
     Parameters
     ----------

@@ -63,7 +63,7 @@ def _robot(values: Values) -> Robot:
 
 def of_its_kind(robot: Robot, function: str) -> Function:
     """
-    Return a function of the module `identified` in the package of a type of robot.
+    Return a function of the module `identified` next to the formulas of a type of robot.
 
     Parameters
     ----------

@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Payload of a robot whose other parameters are known: the change of its last link alone.
+Payload of a robot whose other parameters are known, as a change of its last link.
 
 A load that is fixed to the last link adds its mass and moments to those of the link (Atkeson, An
-and Hollerbach 1986). Its mass and first moments are then determined by more joints than the
-parameters of the link are in an identification of the whole robot.
+and Hollerbach 1986). A fit of these changes alone is more accurate than an identification of the
+whole robot, because the other parameters are known.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _LIGHTEST = 1.0e-3
 """Smallest mass in kg that is reported."""
 
 _UNEXPLAINED = 0.03
-"""Relative torque from which other parameters than those of the payload differ, too."""
+"""Largest relative unexplained torque; above it, other parameters differ as well."""
 
 
 class Payload(NamedTuple):
@@ -85,7 +85,7 @@ def payload_of(
     orthogonal, triangle = np.linalg.qr(np.vstack([weighted, np.eye(count)]))
     solution = np.linalg.solve(triangle, orthogonal[:len(right)].T @ right)
     remaining = missing - matrix @ solution
-    # The noise of the averaged torques, or what the payload leaves if that is more.
+    # The larger of the noise of the averaged torques and the unexplained torques.
     excess = max(1.0, float(np.mean((remaining / identified.deviations) ** 2)))
     size = len(expected)
     inverse = np.linalg.inv(triangle)[:size]

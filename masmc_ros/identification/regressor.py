@@ -1,13 +1,13 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Regressor of the equations of motion of a robot, averaged over windows; see `windows`."""
+"""Regressor of the equations of motion of a robot, averaged over `averaging_windows`."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-from masmc_ros.identification.windows import Weights
+from masmc_ros.identification.averaging_windows import Weights
 from masmc_ros.numerics.aliases import Array, Integers, Records
 from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import kernel

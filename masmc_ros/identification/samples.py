@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from masmc_ros.errors import InputError
-from masmc_ros.identification.windows import Average
+from masmc_ros.identification.averaging_windows import Average
 from masmc_ros.log.read.reader import Run
 from masmc_ros.numerics.aliases import Array
 import numpy as np
@@ -28,12 +28,14 @@ _LONGEST_GAP = 2.5
 """Longest interval between samples, in medians of the intervals."""
 
 _FEWEST_PERIODS = 8
-"""Intervals between states in half of a window, and its shortest half in s."""
+"""Smallest number of intervals between states in half of a window."""
 _SHORTEST_HALF = 0.05
+"""Shortest half of a window in s."""
 
 _SMOOTH_PERIODS = 3
-"""Intervals between states in half of the smoothing of velocities, and its shortest half in s."""
+"""Smallest number of intervals in half of the filter of velocities."""
 _SHORTEST_SMOOTHING = 0.01
+"""Shortest half of the filter of velocities in s."""
 
 _DEGREE = 4
 """Degree of the local polynomials of the positions."""
@@ -53,7 +55,7 @@ class Samples:
     velocity
         (N, n) Measured joint rates in rad/s or m/s, NaN if they were not measured.
     command_times
-        (M) Stamps of the states that the commands answer, in s, ascending.
+        (M) Stamps in s of the states from which the commands were computed, ascending.
     commands
         (M, n) Commanded torques in N·m or N.
 
@@ -77,7 +79,7 @@ class Samples:
 
     @cached_property
     def differences(self) -> Array:
-        """Return the factors (2 m + 1) in 1/s of neighbouring positions whose sum is a rate."""
+        """Return the coefficients (2 m + 1) in 1/s of the filter from positions to rates."""
         from scipy.signal import savgol_coeffs
 
         count = max(_SMOOTH_PERIODS, round(_SHORTEST_SMOOTHING / self.period))
@@ -94,7 +96,7 @@ class Samples:
 
     @property
     def smoothing(self) -> Average | None:
-        """Return the average of the true rates that `rates` is; None if rates are measured."""
+        """Return the averaging filter in `rates`; None if rates are measured."""
         if self.has_rates:
             return None
         return Average(np.cumsum(self.differences[:0:-1]) , self.period)
@@ -104,8 +106,8 @@ class Samples:
         """
         Return the rates of the joints (N, n) in rad/s or m/s, measured or from positions.
 
-        Those from positions are averages of the true ones, and the torques are then averaged in
-        the same way, which removes the effect of the filter.
+        Rates from positions are averages of the true ones. The torques are then averaged in the
+        same way, so the filter has no effect on the result.
         """
         if self.has_rates:
             return self.velocity
@@ -126,7 +128,7 @@ class Samples:
         """Return (N - 1) True for the intervals between states without a gap."""
         valid = _without_gap(self.times)
         commanded = _without_gap(self.command_times)
-        # Numbers of the commands before each state; a last one is held until the next period.
+        # Index of the command before each state; the last command is valid for some periods.
         number = np.searchsorted(self.command_times, self.times, side='right') - 1
         last = len(self.command_times) - 1
         held = self.times - self.command_times[np.maximum(number, 0)]

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Buffer of the states of a running robot, and of the commands that answer them."""
+"""Buffer of states of a running robot with their commands."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from masmc_ros.numerics.aliases import Array
 import numpy as np
 
 _LONGEST_GAP = 2.5
-"""Longest interval between two states without a gap, in control periods."""
+"""Interval between two states above which there is a gap, in control periods."""
 
 
 class StateBuffer:
-    """Buffer of a constant number of states in a row."""
+    """Buffer of a constant number of consecutive states."""
 
     def __init__(self, count: int, widths: Sequence[int], period: float) -> None:
         """
@@ -40,7 +40,7 @@ class StateBuffer:
 
     def add(self, stamp: int, *values: Array) -> list[Array] | None:
         """
-        Add a state, after a gap as the first one; return a full buffer, and empty it.
+        Add a state, and return the content of a full buffer; a gap empties the buffer.
 
         Parameters
         ----------

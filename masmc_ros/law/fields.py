@@ -53,11 +53,11 @@ class Memory(LawMemory):
 
     estimate: Parameters
     estimator_initialised: int
-    left_out: int
+    uncomputed_ticks: int
     angles: Joints
     rates: Joints
     unmodelled: Joints
-    felt: Joints
+    disturbance_torque: Joints
     commanded: Joints
     velocity_command: Joints
     disturbance: Axes

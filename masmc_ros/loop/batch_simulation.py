@@ -28,7 +28,7 @@ from masmc_ros.loop.closed_loop import (
     reduce_signals,
     reduced_loop,
 )
-from masmc_ros.loop.dry_run import check
+from masmc_ros.loop.law_dry_run import check
 from masmc_ros.loop.reduction import axes_of_points, reduced_signals
 from masmc_ros.loop.simulated_robot import (
     delay_line,

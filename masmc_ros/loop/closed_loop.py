@@ -38,7 +38,7 @@ from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.numerics.record import copied, copy_to, lane_count
 from masmc_ros.numerics.tuples import dot, elementwise, joined, tail, thirds
 from masmc_ros.numerics.vectors import check_workspace, free, mark
-from masmc_ros.plant_model.tick import (
+from masmc_ros.plant_model.plant_tick import (
     advance,
     drive_step,
     observe,

@@ -21,7 +21,7 @@ from masmc_ros.numerics.record import copy_lane, copy_to, lane_count
 from masmc_ros.numerics.scalars import minus
 from masmc_ros.numerics.tuples import elementwise, tail, thirds
 from masmc_ros.numerics.vectors import free, mark
-from masmc_ros.plant_model.fields import Signals
+from masmc_ros.plant_model.plant_fields import Signals
 from masmc_ros.robot import drift, mechanism
 
 SETTINGS = (

@@ -27,7 +27,7 @@ from masmc_ros.loop.closed_loop import (
     SINGULAR,
 )
 from masmc_ros.loop.dense import tick_input
-from masmc_ros.loop.dry_run import check
+from masmc_ros.loop.law_dry_run import check
 from masmc_ros.loop.signals import inputs, SIGNALS
 from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.compiled import bound
@@ -169,7 +169,7 @@ class Controller:
         period. The compensation of latency restarts if they exceed its history of commands.
         """
         self._void()
-        self.memory['left_out'] += periods
+        self.memory['uncomputed_ticks'] += periods
         if self.is_compensated:
             self.memory['skipped'] += periods
             if self.memory['skipped'][0, 0] > HISTORY:

@@ -43,7 +43,7 @@ from masmc_ros.loop.closed_loop import (
 )
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.dense import arrays_of, dense
-from masmc_ros.loop.dry_run import check
+from masmc_ros.loop.law_dry_run import check
 from masmc_ros.loop.signals import inputs
 from masmc_ros.numerics.aliases import AnyArray, Function
 from masmc_ros.numerics.compiled import (

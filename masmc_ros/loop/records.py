@@ -24,8 +24,7 @@ from masmc_ros.loop.signals import SIGNALS, TRACKED
 from masmc_ros.numerics.field import Field, field_of
 from masmc_ros.numerics.record import AT_RUN_TIME, fill, new_record
 from masmc_ros.params.declaration import Parameter, Values
-from masmc_ros.plant_model import joint_effects
-from masmc_ros.plant_model import tick as plant_tick
+from masmc_ros.plant_model import joint_effects, plant_tick
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.robot import Robot
 import numpy as np

@@ -87,14 +87,14 @@ def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
         Parameter(
             'payload.mass',
             0.0,
-            'Mass of a payload in the tip of the robot; 0: none',
+            'Mass of a payload in the tip of the robot; 0: no payload',
             unit='kg',
             minimum=0.0,
         ),
         Parameter(
             'payload.time',
             0.0,
-            'Time at which the tip picks it up, rounded to control periods',
+            'Time at which the tip picks up the payload, rounded to control periods',
             unit='s',
             minimum=0.0,
         ),

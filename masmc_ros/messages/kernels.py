@@ -29,7 +29,7 @@ _POINT, _ZERO = ord('.'), ord('0')
 
 @formula
 def is_like(raw: Bytes, forms: Bytes) -> bool:
-    """Return True if bytes are a message of a layout's `forms`; padding bytes are ignored."""
+    """Return True if bytes are a message with the layout of `forms`; padding bytes are ignored."""
     template, constant = forms[0], forms[1]
     if len(raw) != len(template):
         return False

@@ -148,7 +148,7 @@ class LaneType(types.Type):
         return types.UniTuple(self.number(name), shape[0]) if shape[0] <= LONGEST else VECTOR
 
     def array_of(self, name: str) -> Type:
-        """Return the type of the components of a field as an array."""
+        """Return the array type of the components of a field."""
         return types.Array(self.number(name), 1, 'C' if self.shape(name)[-1] == 1 else 'A')
 
 
@@ -176,7 +176,7 @@ class SizedLaneType(LaneType):
         return VectorType(number) if is_vector(self.record, name) else number
 
     def array_of(self, name: str) -> Type:
-        """Return the type of the components of a field as an array."""
+        """Return the array type of the components of a field."""
         return types.Array(self.number(name), 1, 'C' if self.lanes == 1 else 'A')
 
     def workspace(self, compiler: Compiler, value: IrValue) -> IrValue:

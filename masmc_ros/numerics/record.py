@@ -69,7 +69,7 @@ def record_type(
     Parameters
     ----------
     fields
-        Declared fields; of several with one name the first applies.
+        Declared fields. If several have the same name, the first one applies.
     sizes
         Number of components by name of a size, with `AT_RUN_TIME` for compiled code of all sizes.
     lanes

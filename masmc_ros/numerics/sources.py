@@ -128,8 +128,8 @@ def _imported(path: str) -> tuple[str, ...]:
         names.add(base)
         if base not in _modules:  # perhaps a package
             names.update(f'{base}.{name}' for name in _NAME.findall(of_module))
-    found = (_modules.get(name) or _file_of(name, path) for name in names)
-    return tuple(file for file in found if file)
+    files = (_modules.get(name) or _file_of(name, path) for name in names)
+    return tuple(file for file in files if file)
 
 
 def _absolute(path: str, dots: int, module: str) -> str:

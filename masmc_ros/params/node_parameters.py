@@ -210,7 +210,7 @@ _LIVE_NODE = (
     ),
     Parameter('port', 8765, 'Port to listen on; 0: any free port', minimum=0, maximum=65535),
     Parameter(
-        'rate', 60.0, 'Rate of the messages shown of topics that are published every tick',
+        'rate', 60.0, 'Rate at which viewers receive the topics that are published every tick',
         unit='Hz', minimum=1.0, maximum=1000.0,
     ),
     Parameter(

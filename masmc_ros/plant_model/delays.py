@@ -4,9 +4,9 @@
 """
 Delays of measurements and commands in whole ticks, with jitter, and lost messages.
 
-A delay is a uniform random whole number between its smallest and its largest value. Seed, stream
-and tick determine it. The order of values stays: a value that a later one has overtaken is lost.
-If a message is lost, its receiver uses the previous one for another tick.
+A delay is a uniform random whole number between its smallest and its largest value, determined by
+seed, stream and tick. Values arrive in order: a value that would arrive after a later one is
+dropped. If a message is lost, its receiver uses the previous one for another tick.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from masmc_ros.numerics.portable_random import uniform
 from masmc_ros.numerics.record import lane_count
 from masmc_ros.numerics.scalars import zero
 from masmc_ros.numerics.tuples import elementwise
-from masmc_ros.plant_model.fields import PlantMemory, PlantSettings
+from masmc_ros.plant_model.plant_fields import PlantMemory, PlantSettings
 
 OF_MEASUREMENT, OF_COMMAND = 0, 1
 """Streams of random numbers of the delays."""
 
 LOSSES = 2
-"""Added to a stream: that of lost messages."""
+"""Offset from the stream of a delay to the stream of its lost messages."""
 
 
 @formula
@@ -76,8 +76,8 @@ def receive(
     """
     Write the command that has arrived at a tick into the memory.
 
-    It is `torque` and `commanded_rates`. The first command acts without delay, also the first one
-    after a void command.
+    It writes `torque` and `commanded_rates`. The first command, and the first one after a void
+    command, act without delay.
 
     Parameters
     ----------

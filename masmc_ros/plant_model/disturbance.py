@@ -68,7 +68,7 @@ def shares_waves(plant: Record) -> bool:
     if lane_count(plant) > 1:
         for j in range(len(phase)):
             for lane in range(lane_count(plant)):
-                # Bit by bit, because zeros of either sign are equal.
+                # Compares bits, because zeros of different sign compare equal.
                 others |= bits_of(frequency[j, lane]) ^ bits_of(frequency[j, 0])
                 others |= bits_of(phase[j, lane]) ^ bits_of(phase[j, 0])
     return others == 0
@@ -77,10 +77,10 @@ def shares_waves(plant: Record) -> bool:
 @formula
 def write_waves(plant: Record, time: float, step: int, h: float, waves: Array) -> None:
     """
-    Write the sines of a step that all lanes share: of its middle, its end, and the first start.
+    Write the sines that all lanes share: at the middle and the end of a step, and at its start.
 
-    The start of a later step is the end of the previous one. One robot has too few joints to fill
-    the vectors of a processor at one time, and a vector takes no longer than a number.
+    Only the first step has a start; later ones start at the end of the previous step. The sines of
+    several times are computed together, because the joints alone do not fill a vector register.
 
     Parameters
     ----------

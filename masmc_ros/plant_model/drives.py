@@ -8,9 +8,9 @@ At every integration step
 
     torque = 2 w H_i e + integral,   d integral / dt = w^2 H_i e,   e = commanded rate - rate,
 
-where w is the bandwidth and H_i the inertia that joint i feels at the start of the run. The
-isolated joint then has both poles at -w. The integral is constant if it would increase the torque
-beyond the motor limit.
+where w is the bandwidth and H_i the diagonal entry of H for joint i at the start of the run. The
+isolated joint then has both poles at -w. The integral stops as long as it would
+increase the torque beyond the motor limit.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from numpy.typing import NDArray
 
 
 @formula
-def felt_inertia(model: Lengths, template: Numbers, h: MechanismInertia, joint: int) -> float:
+def joint_inertia(model: Lengths, template: Numbers, h: MechanismInertia, joint: int) -> float:
     """
-    Return the inertia that a joint feels in kg·m²: its diagonal entry of H of (10).
+    Return the diagonal entry of a joint in the inertia matrix H of (10), in kg·m².
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def joint_inertias(plant: Records, angles: Array, lane: int) -> NDArray[np.float
     place = mark(robot)
     for joint in range(len(template)):
         free(robot, place)
-        diagonal[joint] = felt_inertia(model, template, h, joint)
+        diagonal[joint] = joint_inertia(model, template, h, joint)
     check_workspace(robot)
     return diagonal
 
@@ -82,7 +82,7 @@ def joint_inertias(plant: Records, angles: Array, lane: int) -> NDArray[np.float
 def drive(
     rate_error: float,
     integral: float,
-    inertia_felt: float,
+    inertia: float,
     bandwidth: float,
     limit: float,
     h: float,
@@ -96,7 +96,7 @@ def drive(
         Commanded rate minus rate in rad/s.
     integral
         Integral at the start of the step in N·m.
-    inertia_felt
+    inertia
         Inertia for which the drive is tuned in kg·m².
     bandwidth
         Bandwidth w in rad/s.
@@ -106,9 +106,9 @@ def drive(
         Length of the step in s.
 
     """
-    asked = 2.0 * bandwidth * inertia_felt * rate_error + integral
+    asked = 2.0 * bandwidth * inertia * rate_error + integral
     torque = clipped(asked, limit)
-    step = h * bandwidth * bandwidth * inertia_felt * rate_error
+    step = h * bandwidth * bandwidth * inertia * rate_error
     winds_up = (asked > torque and step > 0.0) or (asked < torque and step < 0.0)
     return torque, integral if winds_up else integral + step
 

@@ -23,8 +23,8 @@ from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.scalars import selected
 from masmc_ros.numerics.tuples import elementwise, tail
 from masmc_ros.numerics.vectors import free, mark
-from masmc_ros.plant_model.fields import PlantMemory, PlantSettings
 from masmc_ros.plant_model.motion import moved_along, summed, weights_of_stage
+from masmc_ros.plant_model.plant_fields import PlantMemory, PlantSettings
 
 LONGEST_STEP = 1.0
 """Largest product of the natural frequency of an elastic joint and the integration step."""
@@ -39,7 +39,7 @@ def natural_frequency(stiffness: float, rotor: float, link: float) -> float:
     stiffness
         Stiffness in N·m/rad; 0: rigid.
     rotor, link
-        Inertias on both sides in kg·m².
+        Inertias on the sides of the motor and of the link in kg·m².
 
     """
     return math.sqrt(stiffness * (1.0 / rotor + 1.0 / link)) if stiffness > 0.0 else 0.0
@@ -66,7 +66,7 @@ def _transmitted(
     twist: float,
     twist_rate: float,
 ) -> float:
-    """Return the torque on the link in N·m: of the spring, or of the motor in a rigid joint."""
+    """Return the torque on the link in N·m: of the spring, or of the motor of a rigid joint."""
     return stiffness * twist + damping * twist_rate if stiffness > 0.0 else driven
 
 

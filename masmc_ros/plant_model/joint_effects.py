@@ -4,10 +4,10 @@
 """
 Selection of the effects of motors and joints when the plant is compiled.
 
-Effects are the lag of motors, stiction and elastic joints. A plant without them has other compiled
-code: branches on them in each stage of each integration step take a seventh of the time of a run.
-Both codes give bitwise identical results without effects. Robots described by URDFs always have
-the code with effects, because their ticks take much longer than the branches.
+Effects are the lag of motors, stiction and elastic joints. A plant without effects has separate
+compiled code, because the branches of the full code take a seventh of the time of a run. Without
+effects, both codes give bitwise identical results. Robots from a URDF always have the full code:
+their ticks take much longer than the branches.
 """
 
 from __future__ import annotations

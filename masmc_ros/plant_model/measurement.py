@@ -22,7 +22,7 @@ from masmc_ros.numerics.tuples import elementwise, head, joined
 from masmc_ros.numerics.vectors import free, mark
 from masmc_ros.plant_model.delays import is_lost, newest, OF_MEASUREMENT
 from masmc_ros.plant_model.elastic import rotor_angles, rotor_rates
-from masmc_ros.plant_model.fields import PlantMemory, PlantSettings, Signals
+from masmc_ros.plant_model.plant_fields import PlantMemory, PlantSettings, Signals
 from masmc_ros.robot import mechanism
 
 # Adding and subtracting 1.5 * 2**52 rounds a double below 2**51 to the nearest integer.
@@ -43,7 +43,7 @@ def write_noise(plant: Record, memory: Record, tick: int) -> None:
     """
     Write the standard normal numbers of a tick into `memory`, in all lanes.
 
-    They have a separate loop, because lanes vectorise in short loops.
+    The loop is separate, because lanes vectorise in short loops only.
     """
     standard_noise, seed = memory['standard_noise'], plant['seed']
     for joint in range(len(standard_noise)):
@@ -108,7 +108,7 @@ def delay_measurement(
     """
     Replace the measurement in `signals` by a delayed one, and write its age in ticks.
 
-    If the measurement that arrives is lost, that of the previous tick is repeated.
+    If the measurement of a tick is lost, the previous one is repeated.
 
     Parameters
     ----------

@@ -10,7 +10,7 @@ from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.scalars import plus
 from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.numerics.vectors import free, mark
-from masmc_ros.plant_model.fields import PlantMemory, PlantSettings
+from masmc_ros.plant_model.plant_fields import PlantMemory, PlantSettings
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.formula_types import Lengths
 
@@ -50,7 +50,7 @@ def weights_of_stage(stage: int, h: float) -> tuple[bool, bool, float, float]:
     """
     is_first, is_last = stage == 0, stage == 3
     weight = 1.0 if is_last else 2.0
-    # To the next stage from the start of the step, and to the end of it along all slopes.
+    # Length of the motion from the start: to the next stage, or to the end along all slopes.
     part = h / 6.0 if is_last else (h if stage == 2 else 0.5 * h)
     return is_first, is_last, weight, part
 

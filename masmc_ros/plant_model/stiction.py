@@ -41,7 +41,7 @@ def bristle_gains(
     level, velocity
         F_s in N·m and v_s in rad/s.
     inertia
-        Inertia that the joint feels in kg·m².
+        Inertia of the joint, its diagonal entry of H, in kg·m².
     h
         Integration step in s.
 

@@ -42,7 +42,7 @@ def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
     )  # fmt: skip
     return (
         Parameter(
-            'arc.start', start, 'Start of the arc; axes outside the plane of the circle stay',
+            'arc.start', start, 'Start of the arc; axes outside of the circle stay constant',
             unit=units, length=len(start),
         ),
         Parameter(

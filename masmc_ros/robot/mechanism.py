@@ -301,7 +301,7 @@ def preserves_consistency(model: Lengths, settings: LawSettings) -> bool:
 
 @of_model
 def inertia(model: Lengths, posture: MechanismPosture, theta: Numbers) -> MechanismInertia:
-    """Return H."""
+    """Return the inertia matrix H."""
 
 
 @of_model

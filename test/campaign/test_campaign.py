@@ -60,7 +60,7 @@ def test_command_repeats_scenario_of_run() -> None:
         assert {node: repeated[node] for node in run.scenario} == run.scenario
 
 
-def test_shared_parameter_applies_to_all_nodes_and_own_one_to_plant() -> None:
+def test_shared_parameter_applies_to_all_nodes() -> None:
     run = next(EXAMPLE.runs(3, 1))
     plant, controller = run.scenario['plant'], run.scenario['controller']
     assert plant['robot.link_2_mass'] == controller['robot.link_2_mass'] != 1.07

@@ -21,7 +21,7 @@ from masmc_ros.campaign.dataset import arrays, Dataset
 from masmc_ros.campaign.engine import carry_out
 from masmc_ros.campaign.part import rows
 from masmc_ros.cli.main import main
-from masmc_ros.compare.campaign import comparison_of, compute
+from masmc_ros.compare.law_comparison import comparison_of, compute
 import pytest
 
 pytestmark = pytest.mark.slow

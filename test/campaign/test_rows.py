@@ -88,9 +88,9 @@ def test_rows_are_equal_for_all_batches_and_threads() -> None:
         for threads in (1, 3):
             for part in computed(campaign, parts, threads):
                 first = int(part['run'][0])
-                rest = {name: values[first:first + len(part['run'])]
-                        for name, values in whole.items()}  # fmt: skip
-                assert_equal(part, rest)
+                expected = {name: values[first:first + len(part['run'])]
+                            for name, values in whole.items()}  # fmt: skip
+                assert_equal(part, expected)
 
 
 def test_runs_with_and_without_latency_are_computed_in_one_part() -> None:

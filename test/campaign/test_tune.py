@@ -31,7 +31,7 @@ OBJECTIVE = st.one_of(st.floats(0.0, 10.0), st.just(float('inf')))
 
 
 @given(st.lists(st.tuples(OBJECTIVE, OBJECTIVE), max_size=30))
-def test_front_has_exactly_candidates_that_no_other_one_surpasses(
+def test_pareto_front_has_exactly_undominated_candidates(
     objectives: list[tuple[float, float]],
 ) -> None:
     front = [entry.objectives for entry in pareto_front([Candidate({}, o) for o in objectives])]

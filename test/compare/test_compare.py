@@ -16,8 +16,8 @@ from masmc_ros.campaign.runs import NODES
 from masmc_ros.cli.main import main
 from masmc_ros.compare import hardware
 from masmc_ros.compare import trials as trials_module
-from masmc_ros.compare.campaign import Comparison, comparison_of, compute
 from masmc_ros.compare.contenders import Contender, contenders, marked
+from masmc_ros.compare.law_comparison import Comparison, comparison_of, compute
 from masmc_ros.compare.ranking import ranking
 from masmc_ros.compare.trials import (
     AS_IS,
@@ -87,7 +87,7 @@ def test_compare_lanes_and_single_runs_give_same_rows(monkeypatch: pytest.Monkey
     assert_equal(compute(comparison), alone)
 
 
-def test_compare_runs_are_scenarios_with_settings_of_law_and_trial() -> None:
+def test_compare_run_has_settings_of_law_and_trial() -> None:
     settings = ('controller.k_s1=80.0',)
     comparison = comparison_of(PAPER, settings, 'smc:tanh,rasmc', 'all', 2)
     again = Comparison.from_text(comparison.text)
@@ -221,8 +221,8 @@ def test_hardware_trials_load_with_effects_that_differ() -> None:
 def test_hardware_trials_of_fixed_robot_have_no_base() -> None:
     fixed = replace(TWO_LINK, twist=())
     trials = trials_named('hardware')
-    left_out = [trial.name for trial in trials if not trial.suits(fixed)]
-    assert left_out == ['hybrid', 'slip']
+    unsuitable = [trial.name for trial in trials if not trial.suits(fixed)]
+    assert unsuitable == ['hybrid', 'slip']
 
 
 @pytest.mark.slow

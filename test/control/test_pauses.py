@@ -70,7 +70,7 @@ def test_enable_after_ten_minutes_stays_bounded() -> None:
     ('offset', 'amplitude', 'frequency', 'phase', 'y'),
     [(-0.25, 0.125, 0.875, (0.0, 4.0), 2.5), (0.234375, 0.25, 1.0, (2.0, 4.0), 1.5)],
 )
-def test_start_with_stretched_arm_far_from_moving_reference_stays_active(
+def test_controller_start_with_stretched_arm_stays_active(
     offset: float, amplitude: float, frequency: float, phase: tuple[float, float], y: float
 ) -> None:
     """The elbow is bent far enough to remain bent during the approach."""

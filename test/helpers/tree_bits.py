@@ -9,8 +9,8 @@ import hashlib
 
 from masmc_ros.robot.tree import articulated, dynamics, kinematics
 from masmc_ros.robot.tree.assembly import tree_robot, TreeRobot
-from masmc_ros.robot.tree.model import packed, Tree, TreeModel
 from masmc_ros.robot.tree.natural_adaptation import natural_step
+from masmc_ros.robot.tree.tree_model import packed, Tree, TreeModel
 from masmc_ros.robot.urdf import read_urdf
 import numpy as np
 

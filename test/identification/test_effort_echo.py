@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from masmc_ros.identification.effort_echo import EchoBuffer, fit_echo, wrong_latency
-from masmc_ros.identification.timing import Estimate, Timing
+from masmc_ros.identification.latency_fit import Estimate, LatencyFit
 from masmc_ros.loop.simulated_robot import plant_of
 from masmc_ros.numerics.aliases import Array
 from masmc_ros.params.scenario import load_scenario
@@ -70,7 +70,7 @@ def test_effort_unlike_commands_claims_nothing() -> None:
 
 
 def test_wrong_latency_warning_has_right_value() -> None:
-    timing = Timing(Estimate(0.005, 1e-4), Estimate(0.003, 1e-4), Estimate(0.008, 1e-4))
+    timing = LatencyFit(Estimate(0.005, 1e-4), Estimate(0.003, 1e-4), Estimate(0.008, 1e-4))
     assert wrong_latency(timing, 0.005, 0.003, 0.001) == ''
     assert wrong_latency(timing, 0.0085, 0.0, 0.001) == ''
     assert wrong_latency(timing, 0.0, 0.0, 0.01) == ''

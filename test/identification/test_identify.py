@@ -14,7 +14,11 @@ from helpers.small_tree import parameters as small_tree
 from helpers.small_tree import START
 from hypothesis import given, Phase, settings
 from hypothesis import strategies as st
-from masmc_ros.identification.consistency import is_consistent, nearest_consistent, scaled
+from masmc_ros.identification.consistent_parameters import (
+    is_consistent,
+    nearest_consistent,
+    scaled,
+)
 from masmc_ros.identification.directions import base_parameters, unexcited
 from masmc_ros.identification.excitation import Series
 from masmc_ros.identification.identify import (
@@ -127,7 +131,7 @@ def test_nearest_consistent_positive_definite(seed: int, size: float) -> None:
     root = random.standard_normal((len(target), len(target)))
     metric = root @ root.T + np.eye(len(target))
     nearest = nearest_consistent(scale, target, metric)
-    least = min(np.linalg.eigvalsh(each.matrix(nearest))[0] for each in scale.inequalities)
+    least = min(np.linalg.eigvalsh(entry.matrix(nearest))[0] for entry in scale.inequalities)
     assert least > 5.0e-5
     assert scale.parameters(nearest)[7:].min() > -1.0e-6
     if is_consistent(scale, target):

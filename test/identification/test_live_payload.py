@@ -11,6 +11,7 @@ from typing import Any
 from helpers.moved_robot import computed, PERIOD, series
 from helpers.small_tree import parameters as small_tree
 from helpers.small_tree import START
+from masmc_ros.identification.latency_fit import Estimate
 from masmc_ros.identification.live_payload import (
     BlockBuffer,
     described,
@@ -20,7 +21,6 @@ from masmc_ros.identification.live_payload import (
 from masmc_ros.identification.load import Load
 from masmc_ros.identification.nominal import nominal_of
 from masmc_ros.identification.samples import Samples
-from masmc_ros.identification.timing import Estimate
 from masmc_ros.numerics.aliases import Array
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.mechanisms import DEFAULT as PLANAR
@@ -88,15 +88,15 @@ def check_picked_up(robot: Robot, mass: float, determined: int, **options: Any) 
     """Check the estimates before and after a mass is picked up, and the unknown latency."""
     samples, torque = picked_up(robot, mass, **options)
     results = estimates(robot, samples, torque)
-    assert not any(each.is_significant for each in results[:12] if each is not None)
-    for each in results[-8:]:
-        assert each is not None
-        assert each.is_significant
-        assert each.load.mass == pytest.approx(mass, rel=0.01)
-        assert abs(each.load.mass - mass) < 4.0 * each.load.mass_error
-        np.testing.assert_allclose(each.centre[:determined], CENTRE[:determined], atol=2.0e-3)
-        assert np.isnan(each.centre[determined:]).all()
-        assert each.later.value == pytest.approx(options.get('latency', 0) * PERIOD, abs=1.0e-3)
+    assert not any(result.is_significant for result in results[:12] if result is not None)
+    for result in results[-8:]:
+        assert result is not None
+        assert result.is_significant
+        assert result.load.mass == pytest.approx(mass, rel=0.01)
+        assert abs(result.load.mass - mass) < 4.0 * result.load.mass_error
+        np.testing.assert_allclose(result.centre[:determined], CENTRE[:determined], atol=2.0e-3)
+        assert np.isnan(result.centre[determined:]).all()
+        assert result.later.value == pytest.approx(options.get('latency', 0) * PERIOD, abs=1.0e-3)
 
 
 def test_planar_pick_up_with_latency_and_encoders_found() -> None:
@@ -123,7 +123,7 @@ def test_ur5_disturbance_torque_without_payload_not_reported() -> None:
         phases += np.array([0.0, 1.0, 0.5, 0.3, 0.9, 2.0])
         torque = samples.commands - np.sin(phases) * [3.0, 3.0, 3.0, 0.6, 0.6, 0.6]
         results = estimates(ur5(), samples, torque)
-        assert not any(each.is_significant for each in results if each is not None)
+        assert not any(result.is_significant for result in results if result is not None)
 
 
 def force(robot: Robot, samples: Samples, axis: int, size: float) -> Array:
@@ -144,7 +144,7 @@ def test_ur5_horizontal_force_not_reported(axis: int) -> None:
     samples = motion(ur5(), 0.0)
     torque = samples.commands + force(ur5(), samples, axis, 20.0)
     results = estimates(ur5(), samples, torque)
-    assert not any(each.is_significant for each in results if each is not None)
+    assert not any(result.is_significant for result in results if result is not None)
 
 
 @pytest.mark.slow
@@ -163,7 +163,7 @@ def test_planar_disturbance_torque_without_payload_not_reported() -> None:
         samples = motion(planar(), 0.0, seed=seed)
         torque = samples.commands - np.sin(np.outer(samples.times, [1.5, 2.0, 1.0, 3.0]))
         results = estimates(planar(), samples, torque)
-        assert not any(each.is_significant for each in results if each is not None)
+        assert not any(result.is_significant for result in results if result is not None)
 
 
 def test_block_buffer_gap_starts_new_block() -> None:

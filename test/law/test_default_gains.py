@@ -27,7 +27,7 @@ def test_default_gain_in_newtons_is_a_tenth_for_axes_in_rad(tmp_path: Path) -> N
         assert len(set(default[name])) == 1
 
 
-def test_default_gains_of_inverse_models_are_equal_and_critically_damped() -> None:
+def test_default_gains_of_inverse_models_are_equal() -> None:
     """The comparison of laws is not one of gains: natural frequency and damping are equal."""
     default = {p.name: p.default for p in registry.parameters(TWO_LINK)}
     # The inner loop of computed_torque has these gains in the joints.

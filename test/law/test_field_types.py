@@ -17,8 +17,8 @@ from masmc_ros.law.registry import LAWS, OF_RATES, REACHING, shared_parameters
 from masmc_ros.loop import control, records
 from masmc_ros.loop.signals import SIGNALS
 from masmc_ros.numerics.field import Field
-from masmc_ros.plant_model import tick
-from masmc_ros.plant_model.fields import PlantMemory, PlantSettings, Signals
+from masmc_ros.plant_model import plant_tick
+from masmc_ros.plant_model.plant_fields import PlantMemory, PlantSettings, Signals
 from masmc_ros.robot.two_link.paper_robot import TWO_LINK
 import pytest
 
@@ -62,7 +62,11 @@ def test_field_types_of_all_laws_equal_declarations() -> None:
 
 @pytest.mark.parametrize(
     ('cls', 'fields'),
-    [(PlantSettings, tick.SETTINGS), (PlantMemory, tick.MEMORY), (Signals, SIGNALS)],
+    [
+        (PlantSettings, plant_tick.SETTINGS),
+        (PlantMemory, plant_tick.MEMORY),
+        (Signals, SIGNALS),
+    ],
     ids=lambda value: getattr(value, '__name__', ''),
 )
 def test_field_types_of_plant_and_signals_equal_declarations(

@@ -22,8 +22,8 @@ GAINS = {
 
 def integral(controller: Controller, law: str) -> Array:
     """Return w (4)."""
-    found: Array = controller.memory[f'{law}_integral'][0, :, 0].copy()
-    return found
+    value: Array = controller.memory[f'{law}_integral'][0, :, 0].copy()
+    return value
 
 
 def error_and_excess(law: str, at: Instant, change: Array) -> tuple[Array, Array]:

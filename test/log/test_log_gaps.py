@@ -25,8 +25,8 @@ def test_gaps_every_missing_message_is_counted() -> None:
     rng = random.Random(3)
     stamps = list(range(0, 20_000 * MS, MS))
     holes = [(1, 13), (4000, 200), (4300, 1), (9990, 20), (19_000, 50)]
-    left_out = {stamps[first + n] for first, count in holes for n in range(count)}
-    gaps = gaps_in([stamp for stamp in stamps if stamp not in left_out])
+    missing = {stamps[first + n] for first, count in holes for n in range(count)}
+    gaps = gaps_in([stamp for stamp in stamps if stamp not in missing])
     assert (gaps.count, gaps.missing) == (5, 284)
     assert (gaps.longest, gaps.at) == (201 * MS, 3999 * MS)
     assert gaps.text() == '284 missing in 5 gaps, the longest of 0.201 s from t = 3.999 s'

@@ -122,8 +122,8 @@ def test_accelerations_on_base_equal_those_under_its_torques(values: dict[str, A
         expected = mechanism.joint_accelerations(*state, rates, torque)
         command = mechanism.rate_command(model, mechanism.motion(model, expected))
         inputs = tuple(np.where(mask[:joints], command, torque))
-        found = accelerations_on_base(*state, mask[:joints], rates, inputs)
-    np.testing.assert_allclose(found, expected, rtol=1e-9)
+        computed = accelerations_on_base(*state, mask[:joints], rates, inputs)
+    np.testing.assert_allclose(computed, expected, rtol=1e-9)
 
 
 def test_commanded_velocities_with_latency_raise_one_line() -> None:

@@ -116,11 +116,11 @@ def test_velocity_interface_fast_drives_errors_decay_with_sigma() -> None:
 
 
 def test_drive_step_response_has_double_pole_at_bandwidth() -> None:
-    bandwidth, felt, h = 20.0, 0.3, 1e-4
+    bandwidth, inertia, h = 20.0, 0.3, 1e-4
     rate, integral = 0.0, 0.0
     for k in range(1, 5001):
-        torque, integral = drive(1.0 - rate, integral, felt, bandwidth, 0.0, h)
-        rate += h * torque / felt
+        torque, integral = drive(1.0 - rate, integral, inertia, bandwidth, 0.0, h)
+        rate += h * torque / inertia
         t = bandwidth * k * h
         # Step response of (2 w s + w^2) / (s + w)^2.
         assert rate == pytest.approx(1.0 - (1.0 - t) * np.exp(-t), abs=5e-3)
@@ -142,7 +142,7 @@ def test_drive_tuning_joint_inertia_equals_simulated_one() -> None:
     settings = records.plant_settings(TWO_LINK)
     fill(settings, 'geometry', robot.geometry)
     fill(settings, 'theta', robot.theta)
-    felt = joint_inertias(settings, np.array([0.0, 0.0, 0.3, -1.2]), 0)
+    inertia = joint_inertias(settings, np.array([0.0, 0.0, 0.3, -1.2]), 0)
     plant = SimulatedRobot(
         robot,
         1e-5,
@@ -154,7 +154,7 @@ def test_drive_tuning_joint_inertia_equals_simulated_one() -> None:
         plant.memory['position'][0, 5:, 0] = 0.3, -1.2
         plant.advance(np.eye(4)[i])
         mass[:, i] = plant.true_velocity[3:] / 1e-5
-    assert felt == pytest.approx(np.diag(np.linalg.inv(mass)), rel=1e-4)
+    assert inertia == pytest.approx(np.diag(np.linalg.inv(mass)), rel=1e-4)
 
 
 @pytest.mark.parametrize('node', ['plant', 'controller'])

@@ -53,7 +53,7 @@ def test_garbage_collection_compiling_is_rarer_then_restored(
     assert gc.get_threshold() == (700, 10, 5)
 
 
-def test_bound_and_is_loaded_plain_function_of_mechanism_is_used_as_it_is() -> None:
+def test_bound_plain_function_of_mechanism_is_unmodified() -> None:
     def transforms(origins: object, position: object) -> None:
         """Return frames, as the method of a tree does."""
 

@@ -27,6 +27,7 @@ from masmc_ros.cli.main import parser_for
 from masmc_ros.control.lifecycle import TRANSITIONS
 from masmc_ros.messages.topics import TOPICS
 from masmc_ros.params.node_parameters import declared
+from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.mechanisms import DEFAULT, mechanism_from
 import pytest
 import yaml
@@ -222,10 +223,14 @@ def test_parameters_in_text_exist(page: Path) -> None:
 
 
 @each_page
-def test_yaml_blocks_set_declared_parameters(page: Path) -> None:
+def test_yaml_blocks_set_declared_parameters(page: Path, tmp_path: Path) -> None:
     for block in blocks(page, 'yaml'):
         content = yaml.safe_load(block)
         assert content is not None
+        if block.startswith(('/**:', '/**/controller:')):  # complete, and of the default robot
+            file = tmp_path / 'block.yaml'
+            file.write_text(block, encoding='utf-8')
+            load_scenario(str(file))
         for pattern, body in content.items():
             node = pattern.rpartition('/')[2]
             if not pattern.startswith('/**'):

@@ -75,7 +75,7 @@ def pip_requirements() -> set[str]:
         if isinstance(node, ast.keyword) and node.arg in ('install_requires', 'extras_require')
     ]
     names = set()
-    for entries in (n for each in lists for n in ast.walk(each) if isinstance(n, ast.List)):
+    for entries in (n for extras in lists for n in ast.walk(extras) if isinstance(n, ast.List)):
         for entry in entries.elts:
             text = entry.values[0] if isinstance(entry, ast.JoinedStr) else entry
             requirement = str(ast.literal_eval(text))

@@ -180,7 +180,7 @@ def test_elastic_joints_of_mujoco_equal_those_of_rigid_plant(wheels: float) -> N
     assert apart[2:].max() < 0.1
 
 
-def test_elastic_joints_of_omnidirectional_base_raise_with_mujoco() -> None:
+def test_elastic_joints_of_omni_base_with_mujoco_raise() -> None:
     pytest.importorskip('mujoco')
     pytest.importorskip('pinocchio')  # it is installed with the robots
     panda = load_scenario(

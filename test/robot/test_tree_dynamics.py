@@ -22,8 +22,8 @@ from masmc_ros.robot.tree import articulated, dynamics, kinematics
 from masmc_ros.robot.tree.assembly import pseudo_inertia, tree_robot
 from masmc_ros.robot.tree.dynamics import GRAVITY
 from masmc_ros.robot.tree.kinematics import Posture
-from masmc_ros.robot.tree.model import DIFFERENTIAL, FIXED, OMNIDIRECTIONAL, Tree, TreeModel
 from masmc_ros.robot.tree.task.task import frame_pose
+from masmc_ros.robot.tree.tree_model import DIFFERENTIAL, FIXED, OMNIDIRECTIONAL, Tree, TreeModel
 from masmc_ros.robot.two_link import two_link
 from masmc_ros.robot.urdf import read_urdf
 import numpy as np

@@ -21,10 +21,10 @@ from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.robot.tree.formulas import model_of
 from masmc_ros.robot.tree.friction import CREEP
-from masmc_ros.robot.tree.model import TreeModel
 from masmc_ros.robot.tree.natural_adaptation import adapted
-from masmc_ros.robot.tree.task.drift import _unseen
+from masmc_ros.robot.tree.task.null_space_drift import _unseen
 from masmc_ros.robot.tree.tree_mechanism import tree_mechanism
+from masmc_ros.robot.tree.tree_model import TreeModel
 import numpy as np
 from numpy.typing import NDArray
 import pytest

@@ -21,8 +21,8 @@ from masmc_ros.robot.packages import resource_path
 from masmc_ros.robot.tree import articulated, dynamics, kinematics
 from masmc_ros.robot.tree.assembly import tree_robot, TreeRobot
 from masmc_ros.robot.tree.dynamics import GRAVITY
-from masmc_ros.robot.tree.model import DIFFERENTIAL
 from masmc_ros.robot.tree.task.task import frame_pose
+from masmc_ros.robot.tree.tree_model import DIFFERENTIAL
 from masmc_ros.robot.urdf import read_urdf_file
 import numpy as np
 from numpy.typing import NDArray

@@ -12,7 +12,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from masmc_ros.errors import InputError
 from masmc_ros.robot.tree.assembly import tree_robot, TreeRobot
-from masmc_ros.robot.tree.model import DIFFERENTIAL, OMNIDIRECTIONAL
+from masmc_ros.robot.tree.tree_model import DIFFERENTIAL, OMNIDIRECTIONAL
 from masmc_ros.robot.tree.wheels import driving_wheels, Mount
 from masmc_ros.robot.urdf import Joint, Pose, read_urdf
 import numpy as np
@@ -197,8 +197,8 @@ def test_tree_robot_omnidirectional_without_wheels_is_driven() -> None:
     ('old', 'new', 'settings', 'expected'),
     [
         ('', '', {'wheels': CORNERS[:2]}, "robot.wheels ['front_right', 'front_left']: expecte"),
-        ('', '', {'wheels': (*CORNERS, 'rear_left')}, 'expected three or more joints or none, o'),
-        ('', '', {'base': 'fixed'}, 'expected none, of a base that is fixed'),
+        ('', '', {'wheels': (*CORNERS, 'rear_left')}, 'three or more joints or none for robot.b'),
+        ('', '', {'base': 'fixed'}, 'expected none for robot.base = fixed'),
         ('', '', {'wheels': (*CORNERS[:3], 'rear_lef')}, "no joint 'rear_lef'; did you mean rear"),
         ('', '', {'roller_angles': ANGLES[:3]}, 'robot.roller_angles [0.785'),
         ('', '', {'roller_angles': (*ANGLES[:3], 1.6)}, 'robot.roller_angles: 1.6, expected less'),

@@ -16,7 +16,7 @@ from masmc_ros.cli.arguments import (
     add_workers,
     count,
 )
-from masmc_ros.compare.campaign import comparison_of, compute
+from masmc_ros.compare.law_comparison import comparison_of, compute
 from masmc_ros.compare.ranking import ranking
 from masmc_ros.compare.tables import as_json, page, text
 from masmc_ros.output_files import check_folder, make_folder, write_file

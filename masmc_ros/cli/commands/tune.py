@@ -27,7 +27,7 @@ from masmc_ros.cli.arguments import (
 from masmc_ros.cli.campaign_options import add_draws
 from masmc_ros.output_files import check_folder, make_folder, write_file
 from masmc_ros.report.aligned import aligned, WIDTH
-from masmc_ros.report.draw.campaign import front_figure
+from masmc_ros.report.draw.campaign_figures import front_figure
 from masmc_ros.report.draw.style import paper_style, png
 from masmc_ros.report.measure.table import Column, number
 from masmc_ros.share import scenario_file

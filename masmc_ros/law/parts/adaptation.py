@@ -46,7 +46,7 @@ PARAMETERS = (
     Parameter(
         'leakage',
         0.02,
-        'Rate at which theta_hat returns to the nominal model (sigma-modification); 0: none',
+        'Rate at which theta_hat returns to the nominal model (sigma-modification); 0: no leakage',
         unit='1/s',
         minimum=0.0,
         read_only=False,
@@ -54,7 +54,7 @@ PARAMETERS = (
     Parameter(
         'e_modification',
         0.0,
-        'Leakage in proportion to |s| outside the dead zone; 0: none',
+        'Leakage in proportion to |s| outside the dead zone; 0: no leakage',
         unit='1/m',
         minimum=0.0,
         read_only=False,

@@ -156,7 +156,7 @@ MEMORY = (
 
 
 class CompensationSettings(Settings):
-    """Settings with the one of this module."""
+    """Settings of the law, with the age of stamps that the compensation needs."""
 
     stamp_age: float
 

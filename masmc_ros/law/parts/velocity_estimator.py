@@ -111,11 +111,11 @@ def followed(
 
 MEMORY = (
     Field('estimator_initialised', description='1 after the first measured position', kind='i8'),
-    Field('left_out', description='Ticks since the last one that were not computed', kind='i8'),
+    Field('uncomputed_ticks', description='Preceding ticks without a computation', kind='i8'),
     Field('angles', 'joints', 'Estimated angles', 'rad'),
     Field('rates', 'joints', 'Estimated rates', 'rad/s'),
     Field('unmodelled', 'joints', 'Estimated unmodelled accelerations', 'rad/s²'),
-    Field('felt', 'joints', "The law's disturbance estimate as torques at the last tick", 'N·m'),
+    Field('disturbance_torque', 'joints', 'Disturbance estimate of the law', 'N·m'),
     Field('commanded', 'joints', 'Torque of the last tick', 'N·m'),
 )
 """Memory of the estimator."""
@@ -137,7 +137,7 @@ def expected_acceleration(model: Lengths, theta: Numbers, memory: Memory) -> Num
 
     """
     angles, rates = memory.angles, memory.rates
-    torque = elementwise(plus, memory.commanded, memory.felt)
+    torque = elementwise(plus, memory.commanded, memory.disturbance_torque)
     bend = mechanism.posture_of_joints(model, angles)
     return mechanism.joint_accelerations(model, bend, theta, rates, torque)
 
@@ -182,8 +182,8 @@ def estimate_rates(
     angles, rates = memory.angles, memory.rates
     unmodelled = memory.unmodelled
     measured = tail(position, angles)
-    period = (1 + memory.left_out) * settings.period
-    memory.left_out = 0
+    period = (1 + memory.uncomputed_ticks) * settings.period
+    memory.uncomputed_ticks = 0
     if memory.estimator_initialised == 0:
         memory.estimator_initialised = 1
         memory.angles = measured
@@ -213,7 +213,7 @@ def note_disturbance(
     Parameters
     ----------
     memory
-        Memory of the law; `felt` (joints) is set, in N·m.
+        Memory of the law; `disturbance_torque` (joints) is set, in N·m.
     model, posture
         Lengths, and posture of the state.
     disturbance
@@ -221,4 +221,4 @@ def note_disturbance(
 
     """
     force = mechanism.forces_from_task(model, posture, disturbance, memory.rates)
-    memory.felt = mechanism.joint_torques(model, force)
+    memory.disturbance_torque = mechanism.joint_torques(model, force)

@@ -107,7 +107,7 @@ def _gains(settings: Settings, memory: Memory) -> tuple[Numbers, Numbers]:
 
 @formula
 def _requested(settings: Settings, tick: Tick, memory: Memory) -> Numbers:
-    """Return nu."""
+    """Return the integral term nu of the law."""
     alpha, beta = _gains(settings, memory)
     w = memory.adaptive_super_twisting_w
     return elementwise(surface_rate, tick.surface, w, alpha, beta, tick.period)

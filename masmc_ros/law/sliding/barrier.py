@@ -86,7 +86,7 @@ def surface_rate(
 
 @formula
 def _requested(settings: Settings, tick: Tick, memory: Memory) -> Axes:
-    """Return nu."""
+    """Return the integral term nu of the law."""
     width = settings.barrier_width
     return elementwise(
         surface_rate,

@@ -119,7 +119,7 @@ def applied(tick: Tick, theta: Numbers, nu: Numbers, raw: Joints, torque: Joints
 
 @formula
 def _requested(settings: Settings, tick: Tick, memory: Memory) -> Numbers:
-    """Return nu."""
+    """Return the integral term nu of the law."""
     return elementwise(
         surface_rate,
         tick.surface,

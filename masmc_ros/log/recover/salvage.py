@@ -108,9 +108,9 @@ class Salvage:
             known = in_chunks if isinstance(record, mcap.Chunk) else others
             known.update({(type(entry), entry.id): entry for entry in sound.definitions})
         # What follows a record of a wrong length cannot be read.
-        rest = data[end:].removesuffix(codec.MAGIC)
-        self.dropped += len(rest)
-        self.has_damage |= bool(rest)
+        unread = data[end:].removesuffix(codec.MAGIC)
+        self.dropped += len(unread)
+        self.has_damage |= bool(unread)
         # Those in a chunk have a checksum; those of the summary replace lost ones.
         self._definitions = in_summary | outside | in_chunks
         self._starts_with_definitions = bool(self.dropped or outside)

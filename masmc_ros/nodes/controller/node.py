@@ -46,7 +46,7 @@ from masmc_ros.messages.parameter_record import record_of
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.nodes.controller.background import Background
 from masmc_ros.nodes.controller.command_output import BaseOutput, CommandOutput, TorqueOutput
-from masmc_ros.nodes.controller.effort_echo import EffortEcho
+from masmc_ros.nodes.controller.effort_latency import EffortEcho
 from masmc_ros.nodes.controller.health import ControllerHealth
 from masmc_ros.nodes.controller.lifecycle_services import LifecycleServices
 from masmc_ros.nodes.controller.reference_input import ReferenceInput

@@ -54,7 +54,7 @@ class ParameterSession:
         self._executor.add_node(self._node)
 
     def __enter__(self) -> ParameterSession:
-        """Return itself."""
+        """Return the session."""
         return self
 
     def __exit__(

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Log lines about a disk that takes nothing, and about lost messages."""
+"""Log lines about a disk that cannot be written, and about lost messages."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rclpy.impl.rcutils_logger import RcutilsLogger
 
 
 class DiskWatch:
-    """Log lines about changes since the last look."""
+    """Log lines when the disk fails, when it recovers, and when messages are lost."""
 
     def __init__(self, recording: Recording, queue_size: float, log: RcutilsLogger) -> None:
         """
@@ -31,7 +31,7 @@ class DiskWatch:
         self._logged_lost = 0
 
     def look(self) -> None:
-        """Log that the disk takes nothing, that it takes messages again, and losses."""
+        """Log a failure of the disk, its end, and lost messages, once per change."""
         recording, log = self._recording, self._log
         trouble = recording.trouble
         if trouble != self._logged_trouble:

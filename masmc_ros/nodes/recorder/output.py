@@ -20,7 +20,7 @@ MEGABYTE = 1_000_000
 
 def open_recording(values: Values, attachments: Attachments) -> Recording:
     """
-    Start the recording by checked parameters.
+    Start the recording that checked parameters describe.
 
     Raises InputError if its file exists or cannot be written.
     """

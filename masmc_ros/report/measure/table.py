@@ -89,9 +89,8 @@ def text_table(rows: Mapping[str, Metrics], width: int = sys.maxsize) -> str:
     count = max(row.joints for row in rows.values())
     commands = _COUNTS[count] if count < len(_COUNTS) else str(count)
     notes = (
-        f'{symbols_of(points)}: distance {titles} from where'
-        f' {"they" if len(points) > 1 else "it"} should be.',
-        f'Settles: when it comes to stay below {BAND:.0%} of the first distance, or'
+        f'{symbols_of(points)}: distance {titles} from the reference.',
+        f'Settles: time after which it stays below {BAND:.0%} of the first distance, or'
         f' {FLOOR * SMALL:g} {units} if that is more.',
         f'Torque variation: sum of the changes of all {commands} commands, per second.',
         contact_note(rows),

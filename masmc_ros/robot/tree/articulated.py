@@ -22,7 +22,6 @@ from masmc_ros.numerics.scratch import scratch
 from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot.tree.dynamics import moments_about_base
 from masmc_ros.robot.tree.kinematics import crossed, Posture, power, write_velocity
-from masmc_ros.robot.tree.model import base_of, bodies_of, parent_of, rotors_begin, TreeModel
 from masmc_ros.robot.tree.spatial import (
     add,
     cross,
@@ -33,6 +32,7 @@ from masmc_ros.robot.tree.spatial import (
     VECTOR,
     Vector,
 )
+from masmc_ros.robot.tree.tree_model import base_of, bodies_of, parent_of, rotors_begin, TreeModel
 import numpy as np
 
 Inertia = tuple[float, ...]

@@ -18,14 +18,6 @@ from typing import cast, NamedTuple
 
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.numerics.portable_math import sin_cos
-from masmc_ros.robot.tree.model import (
-    DIFFERENTIAL,
-    FIXED,
-    OMNIDIRECTIONAL,
-    PRISMATIC,
-    REVOLUTE,
-    Tree,
-)
 from masmc_ros.robot.tree.spatial import (
     add,
     inner,
@@ -42,6 +34,14 @@ from masmc_ros.robot.tree.spatial import (
     turn,
     VECTOR,
     Vector,
+)
+from masmc_ros.robot.tree.tree_model import (
+    DIFFERENTIAL,
+    FIXED,
+    OMNIDIRECTIONAL,
+    PRISMATIC,
+    REVOLUTE,
+    Tree,
 )
 from masmc_ros.robot.tree.wheels import driving_wheels, Mount, Wheels
 from masmc_ros.robot.urdf import Description, Joint, Link, Pose
@@ -189,7 +189,7 @@ def tree_robot(
     }[base]
     if not is_right or len(set(wheels)) != len(wheels):
         raise InputError(
-            f'robot.wheels {list(wheels)}: expected {expected}, of a base that is {base}'
+            f'robot.wheels {list(wheels)}: expected {expected} for robot.base = {base}'
         )
     _check_names(description, [*wheels, *joints, *(held or {})])
     controlled = _controlled(description, where, wheels, joints, held or {})

@@ -24,7 +24,6 @@ from masmc_ros.robot.tree.kinematics import (
     sum_of,
     velocities,
 )
-from masmc_ros.robot.tree.model import base_of, bodies_of, parent_of, rotors_begin, TreeModel
 from masmc_ros.robot.tree.spatial import (
     add,
     cross,
@@ -46,6 +45,7 @@ from masmc_ros.robot.tree.spatial import (
     velocity_map,
     wrench,
 )
+from masmc_ros.robot.tree.tree_model import base_of, bodies_of, parent_of, rotors_begin, TreeModel
 import numpy as np
 
 GRAVITY = 9.81

@@ -30,16 +30,8 @@ from masmc_ros.robot.tree.consistency import consistency_normal, weakest_motion
 from masmc_ros.robot.tree.dynamics import GRAVITY
 from masmc_ros.robot.tree.friction import add_friction, write_friction_gradient
 from masmc_ros.robot.tree.kinematics import base_motion, place, Posture
-from masmc_ros.robot.tree.model import (
-    AXES,
-    AXIS_COUNT,
-    base_of,
-    bodies_of,
-    damping_of,
-    TreeModel,
-)
 from masmc_ros.robot.tree.natural_adaptation import adapted
-from masmc_ros.robot.tree.task.drift import compensated, follow_drift, reachable_surface
+from masmc_ros.robot.tree.task.null_space_drift import compensated, follow_drift, reachable_surface
 from masmc_ros.robot.tree.task.redundancy import (
     motion_from_task,
     reference_motion,
@@ -51,6 +43,14 @@ from masmc_ros.robot.tree.task.task import (
     task_position,
     task_velocity,
     tracking,
+)
+from masmc_ros.robot.tree.tree_model import (
+    AXES,
+    AXIS_COUNT,
+    base_of,
+    bodies_of,
+    damping_of,
+    TreeModel,
 )
 from masmc_ros.robot.tree.wheels import into_base, into_wheels
 import numpy as np
@@ -306,7 +306,7 @@ def joint_accelerations(
 
 @formula
 def rate_command(model: TreeModel, motion: Numbers) -> Numbers:
-    """Return nu."""
+    """Return the velocities nu unchanged, because they are those that the drives follow."""
     return motion
 
 
@@ -324,7 +324,7 @@ def commanded_joint_rates(model: TreeModel, command: Numbers) -> Numbers:
 
 @kernel
 def dead_reckoned(model: TreeModel, pose: Numbers, turned: Numbers) -> Numbers:
-    """Return the base pose after a rotation of wheels; exact for the mean of both headings."""
+    """Return the base pose after a rotation of the wheels, along the mean of both headings."""
     values = changeable(turned)
     into_base(model, values, False)
     w, v = base_motion(base_of(model), values)

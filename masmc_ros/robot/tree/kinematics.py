@@ -23,17 +23,6 @@ from masmc_ros.numerics.arrays import read_part, split_buffer, write_part
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.portable_math import padded, sin_cos, write_sines_and_cosines
 from masmc_ros.numerics.scratch import clear, scratch
-from masmc_ros.robot.tree.model import (
-    base_of,
-    bodies_of,
-    DIFFERENTIAL,
-    FIXED,
-    joint_of,
-    OMNIDIRECTIONAL,
-    parent_of,
-    rotation_of_joint,
-    TreeModel,
-)
 from masmc_ros.robot.tree.spatial import (
     add,
     cross,
@@ -47,6 +36,17 @@ from masmc_ros.robot.tree.spatial import (
     turn,
     VECTOR,
     Vector,
+)
+from masmc_ros.robot.tree.tree_model import (
+    base_of,
+    bodies_of,
+    DIFFERENTIAL,
+    FIXED,
+    joint_of,
+    OMNIDIRECTIONAL,
+    parent_of,
+    rotation_of_joint,
+    TreeModel,
 )
 import numpy as np
 

@@ -25,8 +25,8 @@ from masmc_ros.numerics.portable_math import AT_ONCE
 from masmc_ros.numerics.scratch import clear, copy_into, scratch
 from masmc_ros.numerics.tuples import dot, elementwise, matrix_times
 from masmc_ros.robot.tree.friction import adapt_friction
-from masmc_ros.robot.tree.model import bodies_of, TreeModel
 from masmc_ros.robot.tree.spatial import MOMENTS, Moments, PER_BODY
+from masmc_ros.robot.tree.tree_model import bodies_of, TreeModel
 
 Row = tuple[float, float, float, float]
 Rows = tuple[Row, Row, Row, Row]

@@ -43,9 +43,9 @@ from masmc_ros.robot.tree.frames import (
     TURNS,
     world_of,
 )
-from masmc_ros.robot.tree.model import packed
 from masmc_ros.robot.tree.spatial import PER_BODY, rotate, transpose
 from masmc_ros.robot.tree.task.outputs import Task, task_of, TaskRobot
+from masmc_ros.robot.tree.tree_model import packed
 from masmc_ros.robot.urdf import Description, read_urdf, read_urdf_file
 import numpy as np
 
@@ -467,7 +467,7 @@ def _made(urdf: str, own: tuple[Value, ...]) -> TreeMechanism:
         defaults={
             'torque_limit': tuple(limits.tolist()),
             'initial_pose': (0.0, 0.0, 0.0),
-            'line_sine.offset': task.rest(_rest(robot, values).tolist()),
+            'line_sine.offset': task.positions_in(_rest(robot, values).tolist()),
         },
         origin='origin of the base',
         singular='its least pivot is below robot.least_pivot',

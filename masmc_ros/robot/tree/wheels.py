@@ -23,7 +23,8 @@ from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.elimination import factor, solve
 from masmc_ros.numerics.portable_math import sin_cos
-from masmc_ros.robot.tree.model import (
+from masmc_ros.robot.tree.spatial import Vector
+from masmc_ros.robot.tree.tree_model import (
     base_of,
     base_rates_begin,
     DIFFERENTIAL,
@@ -31,7 +32,6 @@ from masmc_ros.robot.tree.model import (
     TreeModel,
     wheel_rates_begin,
 )
-from masmc_ros.robot.tree.spatial import Vector
 from masmc_ros.robot.urdf import Joint
 import numpy as np
 from numpy.typing import NDArray
@@ -144,13 +144,13 @@ def driving_wheels(
             expected = "the base's y" if base == DIFFERENTIAL else 'the ground'
             raise InputError(
                 f"{where}, line {mount.joint.line}: joint '{mount.joint.name}' is no wheel of"
-                f' such a base: its axle is along {tuple(round(each, 3) for each in mount.axle)},'
+                f' such a base: its axle is along {tuple(round(part, 3) for part in mount.axle)},'
                 f' expected parallel to {expected}'
             )
         if abs(mount.centre[2] - mounts[0].centre[2]) > _TOLERANCE:
             raise InputError(
                 f"{where}, line {mount.joint.line}: joint '{mount.joint.name}': wheels at heights"
-                f' {[each.centre[2] for each in mounts]} m, expected equal ones'
+                f' {[wheel.centre[2] for wheel in mounts]} m, expected equal ones'
             )
     if base == DIFFERENTIAL:
         (x, y, _), (x_left, y_left, _) = right, left = [mount.centre for mount in mounts]

@@ -52,7 +52,7 @@ def frame_origins(lengths: ArrayLike) -> NDArray[np.float64]:
 @kernel
 def frame_transforms(origins: Array, position: Array) -> NDArray[np.float64]:
     """
-    Return the transforms (n, 6, 7) of states, as FRAMES lists them.
+    Return the transforms (n, 6, 7) of states, in the order of FRAMES.
 
     Parameters
     ----------

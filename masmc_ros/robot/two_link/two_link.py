@@ -23,11 +23,6 @@ from masmc_ros.robot.square_task import (
     tracking,
 )
 from masmc_ros.robot.two_link import consistency, dynamics, geometry, kinematics
-from masmc_ros.robot.two_link.approach import (
-    approach_sample,
-    approach_start,
-    regular_posture,
-)
 from masmc_ros.robot.two_link.constants import (
     constants,
     out_of_reach,
@@ -41,6 +36,11 @@ from masmc_ros.robot.two_link.dynamics import BaseParameters, Inertia, Quad, Reg
 from masmc_ros.robot.two_link.frames import frame_origins, frame_transforms
 from masmc_ros.robot.two_link.geometry import Geometry, Posture
 from masmc_ros.robot.two_link.platform_motion import base_motion
+from masmc_ros.robot.two_link.polar_approach import (
+    approach_sample,
+    approach_start,
+    regular_posture,
+)
 
 __all__ = [
     'approach_sample',
@@ -180,7 +180,7 @@ def is_singular(model: Geometry, posture: Posture) -> bool:
 def regressor(
     model: Geometry, posture: Posture, motion: Quad, reference: Quad, acceleration: Quad
 ) -> Regressor:
-    """Return Y."""
+    """Return the regressor Y."""
     return dynamics.regressor(model, posture, motion, reference, acceleration)
 
 
@@ -200,7 +200,7 @@ def regressor_transpose_times(
 
 @formula
 def inertia(model: Geometry, posture: Posture, theta: Theta) -> Inertia:
-    """Return H."""
+    """Return the inertia matrix H."""
     return dynamics.inertia(_base_parameters(theta), model, posture)
 
 
@@ -255,7 +255,8 @@ def dead_reckoned(model: Geometry, pose: Pose, turned: Quad) -> Pose:
     """
     Return the platform's pose after its wheels have turned.
 
-    Exact for the mean of the headings at both ends, which is that of an arc to second order.
+    The platform moves along the mean of the headings at both ends. For an arc, this is exact to
+    second order in the angle.
     """
     along, turn, _, _ = geometry.quasi_velocity(model, turned[0], turned[1], 0.0, 0.0)
     s, c = sin_cos(pose[2] + 0.5 * turn)

@@ -29,7 +29,7 @@ def step(s: Array, w: Array, alpha: Array, beta: Array, period: float) -> tuple[
 @pytest.mark.parametrize('seed', range(20))
 def test_adaptive_super_twisting_torque_matches_formula(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    given = {
+    settings = {
         'rate': rng.uniform(10.0, 1e4, 4),
         'zone': rng.uniform(0.1, 0.5, 4),
         'least': rng.uniform(0.5, 5.0, 4),
@@ -37,18 +37,18 @@ def test_adaptive_super_twisting_torque_matches_formula(seed: int) -> None:
         'epsilon': rng.uniform(1.0, 1e4, 4),
     }
     controller, at = at_random(
-        seed, LAW, **{f'{LAW}__{name}': tuple(value) for name, value in given.items()}
+        seed, LAW, **{f'{LAW}__{name}': tuple(value) for name, value in settings.items()}
     )
-    w, alpha = np.zeros(4), given['least']
+    w, alpha = np.zeros(4), settings['least']
     for _ in range(4):
-        nu, w = step(at.surface, w, alpha, 2.0 * given['epsilon'] * alpha, at.period)
+        nu, w = step(at.surface, w, alpha, 2.0 * settings['epsilon'] * alpha, at.period)
         wanted = at.desired[2] - at.sigma * at.error_rate + nu
         np.testing.assert_allclose(
             tick(controller, at), at.model_torque(wanted), rtol=1e-9, atol=1e-9
         )
-        side = np.sign(np.abs(at.surface) - given['zone'])
-        alpha = alpha + at.period * given['rate'] * side
-        alpha = np.maximum(np.minimum(alpha, given['largest']), given['least'])
+        side = np.sign(np.abs(at.surface) - settings['zone'])
+        alpha = alpha + at.period * settings['rate'] * side
+        alpha = np.maximum(np.minimum(alpha, settings['largest']), settings['least'])
 
 
 def test_realisable_surface_inverts_surface_rate() -> None:

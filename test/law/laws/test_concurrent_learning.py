@@ -32,8 +32,8 @@ EXCITED = (
 
 def weakest(points: list[Array], gamma: Array) -> float:
     """Return the smallest eigenvalue of Gamma^-1 A, by the compiled code for the same ties."""
-    found: float = smallest_eigenvalue(sum(g.T @ g for g in points), tuple(gamma))
-    return found
+    value: float = smallest_eigenvalue(sum(g.T @ g for g in points), tuple(gamma))
+    return value
 
 
 def record(points: list[tuple[Array, Array]], new: tuple[Array, Array], gamma: Array) -> None:
@@ -64,7 +64,7 @@ def test_concurrent_learning_update_matches_formula(seed: int) -> None:
     points: list[tuple[Array, Array]] = []
     before = None
     for _ in range(POINTS + 8):
-        given = tick(controller, at)
+        result = tick(controller, at)
         if before is not None:
             v, torque = before
             middle = 0.5 * (at.v + v)
@@ -76,7 +76,7 @@ def test_concurrent_learning_update_matches_formula(seed: int) -> None:
             record(points, new, gamma)
         y = regressor(at.position, at.v, *at.reference)
         u = -100.0 * at.surface - 100.0 * np.tanh(at.surface / 0.2)
-        np.testing.assert_allclose(given, y @ theta + at.jacobian.T @ u, rtol=1e-6, atol=1e-6)
+        np.testing.assert_allclose(result, y @ theta + at.jacobian.T @ u, rtol=1e-6, atol=1e-6)
         information = sum((g.T @ g for g, _ in points), np.zeros((7, 7)))
         vector = sum((g.T @ f for g, f in points), np.zeros(7))
         weight = at.period * kappa
@@ -86,7 +86,7 @@ def test_concurrent_learning_update_matches_formula(seed: int) -> None:
         tracking = y.T @ np.linalg.solve(at.jacobian, at.surface)
         theta = theta + moved - at.period * tracking / gamma
         np.testing.assert_allclose(controller.estimate, theta, rtol=1e-6, atol=1e-6)
-        before = at.v, given
+        before = at.v, result
         v = at.v + 0.01 * rng.normal(size=4)
         at = Instant(at.period, at.position, v, at.desired, at.scale, at.sigma)
 

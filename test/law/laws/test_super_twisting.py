@@ -111,7 +111,7 @@ def test_super_twisting_half_period_quarters_surface() -> None:
         np.abs(run(LAW, f'control_period={period}', duration=10.0).surface)
         for period in (0.002, 0.001)
     ]
-    coarse, fine = (each[len(each) // 2:].max(axis=0) for each in surface)
+    coarse, fine = (values[len(values) // 2:].max(axis=0) for values in surface)
     assert (coarse / fine > 3.6).all()
     assert (coarse / fine < 4.4).all()
 

@@ -63,7 +63,7 @@ class Task(NamedTuple):
     points: tuple[Point, ...]
     """Groups of axes that reports evaluate together."""
 
-    def rest(self, posture: Sequence[float]) -> tuple[float, ...]:
+    def positions_in(self, posture: Sequence[float]) -> tuple[float, ...]:
         """Return the joint position of each axis in a posture; 0 for axes of frames."""
         first = len(_AXES) * len(self.frames)
         return tuple(posture[at - first] if at >= first else 0.0 for at in self.places)

@@ -29,7 +29,8 @@ from masmc_ros.numerics.scratch import clear, copy_into, scratch
 from masmc_ros.numerics.tuples import from_index
 from masmc_ros.robot.tree.dynamics import write_inertia
 from masmc_ros.robot.tree.kinematics import joint_position, Posture
-from masmc_ros.robot.tree.model import (
+from masmc_ros.robot.tree.task.task import write_task_jacobian, write_task_jacobian_rate
+from masmc_ros.robot.tree.tree_model import (
     base_of,
     damped_time_of,
     damping_of,
@@ -41,7 +42,6 @@ from masmc_ros.robot.tree.model import (
     rest_of,
     TreeModel,
 )
-from masmc_ros.robot.tree.task.task import write_task_jacobian, write_task_jacobian_rate
 from masmc_ros.robot.tree.wheels import into_wheels
 import numpy as np
 

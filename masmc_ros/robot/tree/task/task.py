@@ -28,14 +28,6 @@ from masmc_ros.robot.tree.kinematics import (
     write_jacobian,
     write_jacobian_rate,
 )
-from masmc_ros.robot.tree.model import (
-    axis_of,
-    base_of,
-    bodies_of,
-    frame_of,
-    frames_of,
-    TreeModel,
-)
 from masmc_ros.robot.tree.spatial import add, product, rotate, ROTATION, Rotation, VECTOR, Vector
 from masmc_ros.robot.tree.task.rotation_vector import (
     angular_motion,
@@ -43,6 +35,14 @@ from masmc_ros.robot.tree.task.rotation_vector import (
     orientation_error_rate,
     rotation_of,
     vector_of,
+)
+from masmc_ros.robot.tree.tree_model import (
+    axis_of,
+    base_of,
+    bodies_of,
+    frame_of,
+    frames_of,
+    TreeModel,
 )
 
 POSE = 6

@@ -12,7 +12,7 @@ from masmc_ros.identification.effort_echo import (
     fit_echo,
     wrong_latency,
 )
-from masmc_ros.identification.timing import Timing
+from masmc_ros.identification.latency_fit import LatencyFit
 from masmc_ros.loop.controller import Controller
 from masmc_ros.nodes.controller.background import Background
 from masmc_ros.numerics.aliases import Array
@@ -29,7 +29,7 @@ class EffortEcho:
         if controller.commands_rates:
             self._buffer = None
         # Written by the thread as a whole, and read by the node.
-        self._timing: Timing | None = None
+        self._timing: LatencyFit | None = None
         compile_echo()
 
     def watch(self, effort: Array) -> None:
@@ -59,13 +59,13 @@ class EffortEcho:
         )
 
     @property
-    def _total(self) -> Timing | None:
+    def _total(self) -> LatencyFit | None:
         """Return the latency from the measurement on, and not from its stamp."""
         timing, age = self._timing, self._controller.stamp_age
         if timing is None:
             return None
         latency, lag, total = timing
-        return Timing(
+        return LatencyFit(
             latency._replace(value=latency.value + age),
             lag,
             total._replace(value=total.value + age),

@@ -40,7 +40,7 @@ _PER_BODY = 10
 
 class Inequality(NamedTuple):
     """
-    Condition that a symmetric matrix is positive definite: constant + sum of y_i factors_i.
+    Condition that the symmetric matrix constant + sum of y_i factors_i is positive definite.
 
     `constant` (m, m) is that of the nominal robot, `factors` (p, m, m) belong to the p scaled
     parameters y.
@@ -67,7 +67,7 @@ class Scale(NamedTuple):
     inequalities
         Conditions on the inertial parameters.
     first_friction
-        Number of inertial parameters; the others are not negative.
+        Number of inertial parameters; those after them, the friction, must not be negative.
 
     """
 
@@ -118,8 +118,8 @@ def scaled(robot: Robot, theta: Array, friction: Array, friction_scale: Array) -
     own, inequalities = make(robot, theta)
     scale[:first, :first] = own
     padded = tuple(
-        Inequality(each.constant, np.pad(each.factors, ((0, len(friction)), (0, 0), (0, 0))))
-        for each in inequalities
+        Inequality(entry.constant, np.pad(entry.factors, ((0, len(friction)), (0, 0), (0, 0))))
+        for entry in inequalities
     )
     return Scale(np.concatenate([theta, friction]), scale, padded, first)
 
@@ -137,7 +137,7 @@ def _of_bodies(robot: Robot, theta: Array) -> tuple[Array, list[Inequality]]:
         own = slice(first, first + _PER_BODY)
         nominal = pseudo_inertia(theta[own].tolist())
         root = np.linalg.cholesky(_thick(nominal))
-        turned = np.array([root @ each @ root.T for each in basis]).reshape(_PER_BODY, -1)
+        turned = np.array([root @ matrix @ root.T for matrix in basis]).reshape(_PER_BODY, -1)
         scale[own, own] = np.linalg.lstsq(flat.T, turned.T, rcond=None)[0]
         factors = np.zeros((len(theta), 4, 4))
         factors[own] = basis
@@ -150,7 +150,7 @@ def _of_mechanism(robot: Robot, theta: Array) -> tuple[Array, list[Inequality]]:
     body = record_of(robot, theta)
     size = _order(body)
     units = np.eye(size)
-    # Entries of Q by polarisation.
+    # Entries of Q from values of its quadratic form, by polarisation.
     own = [_quadratic(body, unit) for unit in units]
     factors = np.zeros((len(theta), size, size))
     for i in range(size):
@@ -162,7 +162,7 @@ def _of_mechanism(robot: Robot, theta: Array) -> tuple[Array, list[Inequality]]:
     factors *= scale[:, None, None]
     nominal = np.einsum('p,pij->ij', theta / scale, factors)
     root = np.asarray(np.linalg.cholesky(nominal), np.float64)
-    congruent = np.array([_congruent(root, each) for each in factors])
+    congruent = np.array([_congruent(root, factor) for factor in factors])
     return np.diag(scale), [Inequality(np.eye(size), congruent)]
 
 
@@ -191,7 +191,7 @@ def _quadratic(body: Records, x: Array) -> Array:
 
 
 def _thick(nominal: Array) -> Array:
-    """Return the pseudo-inertia (4, 4) of a body without mass or thickness with some of both."""
+    """Return a pseudo-inertia (4, 4) that is positive definite also without mass or thickness."""
     if nominal[3, 3] <= 0.0:
         return np.diag([(5.0 * _GYRATION) ** 2] * 3 + [1.0]) * _MASSLESS
     return np.asarray(nominal + np.diag([_GYRATION**2 * nominal[3, 3]] * 3 + [0.0]))
@@ -214,7 +214,8 @@ def _symmetric_basis(size: int) -> Array:
 
 def is_consistent(scale: Scale, y: Array) -> bool:
     """Return True if scaled parameters y (p) satisfy all inequalities, and friction is >= 0."""
-    least = min(np.linalg.eigvalsh(each.matrix(y))[0] for each in scale.inequalities)
+    matrices = [inequality.matrix(y) for inequality in scale.inequalities]
+    least = min(np.linalg.eigvalsh(matrix)[0] for matrix in matrices)
     friction = scale.parameters(y)[scale.first_friction:]
     return bool(least >= _LEAST and (friction >= 0.0).all())
 

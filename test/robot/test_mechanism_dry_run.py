@@ -12,7 +12,7 @@ from helpers import cart_arm
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
 from masmc_ros.robot.declaration import Mechanism, register
-from masmc_ros.robot.dry_run import run_dry
+from masmc_ros.robot.mechanism_dry_run import run_dry
 from masmc_ros.robot.mechanisms import ENTRY_POINTS
 from masmc_ros.robot.two_link.paper_robot import TWO_LINK
 import pytest

@@ -1,14 +1,14 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Comparison of laws."""
+"""Comparison of laws, whose rows are returned as an Arrow table."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 from masmc_ros.api.scenario import load, Scenario
-from masmc_ros.compare.campaign import comparison_of, compute
+from masmc_ros.compare.law_comparison import comparison_of, compute
 from masmc_ros.compare.ranking import ranking
 from masmc_ros.compare.tables import rows_of
 from masmc_ros.params.declaration import Values
@@ -33,15 +33,16 @@ def compare_laws(
     Parameters
     ----------
     scenario, settings, values
-        as in `load`.
+        As in `load`.
     laws
-        LAW or LAW:SWITCHING, or 'all'.
+        Names LAW or LAW:SWITCHING, or 'all'.
     trials
-        trials in addition to the unmodified scenario, or 'all', 'laws' or 'hardware'.
+        Trials in addition to the unmodified scenario, or 'all', 'laws' or 'hardware'.
     seeds
-        runs of each: seed 0 is the scenario; others draw robot, disturbance and noise.
+        Number of runs of each law and trial: seed 0 is the scenario itself, others have a random
+        robot, disturbance and noise.
     threads, scheduler
-        as for `sweep`.
+        As for `sweep`.
 
     Returns
     -------
@@ -50,7 +51,7 @@ def compare_laws(
     Raises
     ------
     InputError
-        If a name is unknown or a value out of range, if the scenario commands velocities, or if
+        if a name is unknown or a value out of range, if the scenario commands velocities, or if
         no scheduler answers.
 
     """

@@ -32,40 +32,40 @@ from masmc_ros.plant_model.disturbance import (
 )
 from masmc_ros.plant_model.drives import drive, lagging
 from masmc_ros.plant_model.elastic import rotor_rates, twist_joints, untwist_joints
-from masmc_ros.plant_model.fields import PlantMemory, PlantSettings, Signals
 from masmc_ros.plant_model.joint_effects import has_losses, is_elastic
 from masmc_ros.plant_model.measurement import delay_measurement, measure, write_noise
 from masmc_ros.plant_model.motion import runge_kutta_stage
+from masmc_ros.plant_model.plant_fields import PlantMemory, PlantSettings, Signals
 from masmc_ros.plant_model.stiction import stuck
 from masmc_ros.robot import mechanism
 
 SETTINGS = (
     Field('geometry', 'lengths', 'Lengths of the robot', 'm'),
     Field('theta', 'parameters', 'Its base inertial parameters'),
-    Field('amplitude', 'joints', 'Disturbance torque', 'N·m'),
-    Field('frequency', 'joints', 'Disturbance torque', 'rad/s'),
-    Field('phase', 'joints', 'Disturbance torque', 'rad'),
+    Field('amplitude', 'joints', 'Amplitude of the disturbance', 'N·m'),
+    Field('frequency', 'joints', 'Frequency of the disturbance', 'rad/s'),
+    Field('phase', 'joints', 'Phase of the disturbance', 'rad'),
     Field('limit', 'joints', "Limit of each motor's torque; 0: no limit", 'N·m'),
     Field('rate_limit', 'joints', 'Limit of its rate; 0: no limit', 'N·m/s'),
     Field('period', description='Control period, that of all lanes', unit='s'),
     Field('steps', description='Integration steps in a period, in all lanes', kind='i8'),
     Field('takes_rates', description='Whether rates are commanded, in all lanes', kind='i8'),
-    Field('is_hybrid', description='Whether only those of the base are, in all lanes', kind='i8'),
+    Field('is_hybrid', description='Whether only the base follows rates, in all lanes', kind='i8'),
     Field('by_velocity', 'joints', 'Whether a joint follows a commanded velocity', kind='i8'),
     Field('base_decay', 'joints', 'Share of a past base velocity that remains after a step'),
-    Field('is_exact', description='Whether the state is measured as it is', kind='i8'),
-    Field('resolution', 'joints', 'Step of the encoders; 0 is exact', 'rad'),
+    Field('is_exact', description='Whether the measurement is the true state', kind='i8'),
+    Field('resolution', 'joints', 'Step of the encoders; 0: exact', 'rad'),
     Field('noise', 'joints', 'Standard deviation of the measured rates', 'rad/s'),
     Field('lacks_velocity', description='Whether velocities are not measured', kind='i8'),
     Field('delay', description='Largest delay of the measurement in ticks', kind='i8'),
-    Field('delay_span', description='By how many ticks it can be shorter', kind='i8'),
+    Field('delay_span', description='Largest minus smallest delay in ticks', kind='i8'),
     Field('command_delay', description='Largest delay of commands in ticks', kind='i8'),
-    Field('command_delay_span', description='By how many ticks it can be shorter', kind='i8'),
+    Field('command_delay_span', description='Largest minus smallest delay in ticks', kind='i8'),
     Field('measurement_loss', description='Probability that a measurement is lost'),
     Field('command_loss', description='Probability that a command is lost'),
     Field('seed', description='Seed of noise, jitter and losses', kind='i8'),
-    Field('bandwidth', 'joints', "Of the drives' velocity loops", 'rad/s'),
-    Field('inertia', 'joints', 'For which they are tuned', 'kg·m²'),
+    Field('bandwidth', 'joints', "Bandwidth of the drives' velocity loops", 'rad/s'),
+    Field('inertia', 'joints', 'Inertia for which the drives are tuned', 'kg·m²'),
     Field('has_losses', description='Whether motors lag or joints stick', kind='i8'),
     Field('lag_decay', 'joints', "Share of a motor's torque that remains after half a step"),
     Field('lag_mean', 'joints', 'Mean of this share over a period'),
@@ -83,11 +83,11 @@ SETTINGS = (
 MEMORY = (
     Field('position', 'positions', 'True positions', 'm, rad'),
     Field('velocity', 'positions', 'Their derivatives', 'm/s, rad/s'),
-    Field('rates', 'joints', 'True rates of the joints, the last of them again', 'rad/s'),
+    Field('rates', 'joints', 'True joint rates', 'rad/s'),
     Field('reached', 'positions', 'Positions at the stage of a step', 'm, rad'),
     Field('reached_rates', 'joints', 'Rates of the joints there', 'rad/s'),
     Field('slopes', 'positions', 'Sum of the derivatives of the positions so far'),
-    Field('accelerations', 'joints', 'Sum of those of the rates', 'rad/s²'),
+    Field('accelerations', 'joints', 'Sum of the derivatives of the rates so far', 'rad/s²'),
     Field('disturbance', 'joints', 'Disturbance torque at the time reached', 'N·m'),
     Field('torque', 'joints', 'Commanded torque that has arrived', 'N·m'),
     Field('commanded_rates', 'joints', 'Commanded velocities that have arrived', 'm/s, rad/s'),
@@ -107,8 +107,8 @@ MEMORY = (
     Field('rotor_slopes', 'joints', 'Sum of the derivatives of their angles so far'),
     Field('rotor_accelerations', 'joints', 'Sum of those of their rates', 'rad/s²'),
     Field('actuated', 'joints', 'Torque on the rotors', 'N·m'),
-    Field('odometry', 'base', "The base's pose by counting", 'm, rad'),
-    Field('counted', 'joints', 'Angles counted so far', 'rad'),
+    Field('odometry', 'base', "Pose of the base by odometry", 'm, rad'),
+    Field('counted', 'joints', 'Encoder angles in the odometry', 'rad'),
     Field('standard_noise', 'joints', 'Standard normal numbers of the tick'),
 )
 """Memory from tick to tick."""
@@ -190,7 +190,7 @@ def take_command(plant: Record, memory: Record, signals: Record, holds: bool) ->
 
     """
     lanes = lane_count(plant)
-    # Conditions equal in all lanes are outside of the loops, which otherwise do not vectorise.
+    # Conditions that are equal in all lanes stay outside of the loops, so these vectorise.
     first = lane_of(plant, 0)
     if (first.takes_rates != 0) | holds:
         for lane in range(lanes):
@@ -227,7 +227,7 @@ def _commands_torques(plant: Record, holds: bool) -> bool:
 @formula
 def release(plant: Record, memory: Record, signals: Record, holds: bool) -> None:
     """
-    Clear the torque of drives that held during a void command, if torques are commanded.
+    After a void command, set the holding torque of drives to zero if torques are commanded.
 
     Parameters
     ----------
@@ -257,7 +257,7 @@ def _mean(target: float, motor: float, share: float) -> float:
 def _report_mean(plant: PlantSettings, memory: PlantMemory, signals: Signals) -> None:
     """Write the mean torque of lagging motors under a commanded torque as `applied`."""
     applied = elementwise(_mean, memory.target, memory.motor, plant.lag_mean)
-    # Drives that follow velocities add theirs at every step.
+    # Drives that follow velocities add their torques at every step.
     mask = plant.by_velocity
     signals.applied = elementwise(selected, mask, elementwise(zero, applied), applied)
 

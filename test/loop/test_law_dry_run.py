@@ -13,7 +13,7 @@ from masmc_ros.errors import InputError
 from masmc_ros.law import registry
 from masmc_ros.law.law import Law
 from masmc_ros.law.registry import LAWS, OF_RATES
-from masmc_ros.loop.dry_run import run_dry
+from masmc_ros.loop.law_dry_run import run_dry
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.robot.two_link.paper_robot import TWO_LINK
 import numpy as np

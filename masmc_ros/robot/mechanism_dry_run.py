@@ -91,7 +91,9 @@ _FUNCTIONS = (
 
 def check(mechanism: Mechanism, values: Values) -> None:
     """
-    Run a mechanism dry, unless it has been run in these sources or belongs to this package.
+    Call the functions of a mechanism in plain Python, and report mistakes.
+
+    Mechanisms of this package are skipped, and sources that have passed before.
 
     Parameters
     ----------

@@ -21,10 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 _TAIL = 12.0
-"""Multiples of the motor lag after which its response is ignored."""
+"""Time after which the response of the motor lag is ignored, in multiples of the lag."""
 
 _GRID = 4000
-"""Points of tabulated weights."""
+"""Number of points of tabulated weights."""
 
 
 def weight(x: Array) -> Array:
@@ -129,7 +129,7 @@ def windows_in(times: Array, half: float, valid: NDArray[np.bool_], margin: floa
 
 
 def sample_weights(times: Array, windows: Windows) -> Weights:
-    """Return the weights of samples at times (N) in s in windows, by the trapezoidal rule."""
+    """Return the weights of samples in windows by the trapezoidal rule; `times` (N) are in s."""
     steps = np.diff(times)
     share = np.concatenate([[0.0], steps]) / 2.0 + np.concatenate([steps, [0.0]]) / 2.0
     half = windows.half
@@ -172,7 +172,7 @@ def average_of_held(
 
     """
     half = windows.half + (0.0 if smoothing is None else smoothing.half)
-    # The weight of a value at z before the middle of a window: h, filtered backwards by the lag.
+    # Weight of a value at a time relative to the middle: h, filtered backwards by the lag.
     grid = np.linspace(-half - _TAIL * lag, half, _GRID)
     lagged = weight(grid / windows.half)
     if smoothing is not None:

@@ -28,7 +28,7 @@ _STEP = 1.0e-4
 
 
 _SHARES = (0.1, 0.5, 0.9)
-"""Shares of the lag in the sum of both at the starts of the search."""
+"""Shares of the lag in the sum of latency and lag, at the starts of the search."""
 
 
 class Estimate(NamedTuple):
@@ -38,15 +38,17 @@ class Estimate(NamedTuple):
     error: float
 
 
-class Timing(NamedTuple):
-    """Latency, motor lag and their sum in s; the sum is known best."""
+class LatencyFit(NamedTuple):
+    """Latency, motor lag and their sum in s; the sum has the smallest error."""
 
     latency: Estimate
     lag: Estimate
     total: Estimate
 
 
-def fit_timing(residual: Callable[[float, float], Array], near: Timing | None = None) -> Timing:
+def fit_timing(
+    residual: Callable[[float, float], Array], near: LatencyFit | None = None
+) -> LatencyFit:
     """
     Return the latency and the motor lag with the smallest residual.
 
@@ -79,7 +81,7 @@ def fit_timing(residual: Callable[[float, float], Array], near: Timing | None = 
             by_lag / (lag + _STEP - low_lag),
         ])
 
-    # The sum and the share of the lag in it are nearly independent, and their bounds are too.
+    # The sum of both and the share of the lag in it are nearly independent variables.
     def of_share(x: Array) -> tuple[float, float]:
         return float(x[0] * (1.0 - x[1])), float(x[0] * x[1])
 
@@ -98,12 +100,12 @@ def fit_timing(residual: Callable[[float, float], Array], near: Timing | None = 
         )
         for share in shares
     ]
-    fit = min(fits, key=lambda each: each.cost)
+    fit = min(fits, key=lambda candidate: candidate.cost)
     latency, lag = of_share(fit.x)
     factors = derivatives(latency, lag)
     variance = 2.0 * fit.cost / max(1, len(fit.fun) - 2)
     covariance = variance * np.linalg.pinv(factors.T @ factors)
-    return Timing(
+    return LatencyFit(
         Estimate(latency, float(np.sqrt(covariance[0, 0]))),
         Estimate(lag, float(np.sqrt(covariance[1, 1]))),
         Estimate(latency + lag, float(np.sqrt(covariance.sum()))),

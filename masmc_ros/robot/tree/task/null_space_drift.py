@@ -27,9 +27,9 @@ from masmc_ros.numerics.scalars import minus
 from masmc_ros.numerics.tuples import dot, elementwise, least
 from masmc_ros.robot.formula_types import LawMemory, LawSettings
 from masmc_ros.robot.tree.kinematics import Posture
-from masmc_ros.robot.tree.model import damping_of, drift_rate_of, TreeModel
 from masmc_ros.robot.tree.task.redundancy import motion_from_task
 from masmc_ros.robot.tree.task.task import task_velocity
+from masmc_ros.robot.tree.tree_model import damping_of, drift_rate_of, TreeModel
 import numpy as np
 
 REACHED = 0.1
