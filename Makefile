@@ -58,8 +58,8 @@ test-all: $(VENV)/.installed-all
 # An environment of its own, of Python 3.11: pip has no Numba 0.58 for Python 3.12, Ubuntu 24.04 has.
 OLDEST := .venv-oldest
 OLDEST_TESTS := $(addprefix test/,numerics/test_portable_math.py robot/test_kinematics.py \
-	robot/test_dynamics.py robot/test_tree_dynamics.py law/test_implicit.py numerics/test_scratch.py \
-	numerics/test_code_files.py numerics/test_sources.py params/test_params_declaration.py loop/test_same_bits.py \
+	robot/test_dynamics.py robot/test_tree_dynamics.py law/test_implicit.py jit/test_scratch.py \
+	jit/test_code_files.py jit/test_sources.py params/test_params_declaration.py loop/test_same_bits.py \
 	messages/test_compiled_messages.py)
 test-oldest:
 	@$${PYTHON:-python3.11} -m venv $(OLDEST)

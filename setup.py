@@ -16,7 +16,7 @@ import sys
 from setuptools import find_packages, setup
 
 NAME = 'masmc_ros'
-NUMBA = run_path(f'{NAME}/numerics/supported_numba.py')
+NUMBA = run_path(f'{NAME}/jit/supported_numba.py')
 NODES = sorted(Path(file).parent.name for file in glob(f'{NAME}/nodes/*/node.py'))
 WHEELS = "platform_system == 'Linux' and platform_machine == 'x86_64'"
 

@@ -17,12 +17,12 @@ import tempfile
 import time
 
 from benchmarks.measure import compared, Measure
+from masmc_ros.jit.record import take_over
 from masmc_ros.law.registry import LAWS
 from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import closed_loop, plant_start
 from masmc_ros.loop.simulated_robot import delay_line
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.numerics.record import take_over
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.share import shared_file
 import numpy as np

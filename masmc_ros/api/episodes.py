@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import math
 from typing import Any, NamedTuple, TypeVar
 
+from masmc_ros.aliases import Array, Flags
 from masmc_ros.api.scenario import load, Scenario
 from masmc_ros.campaign.campaign import Campaign, campaign_of
 from masmc_ros.campaign.draws import draw as parsed_draw
@@ -26,7 +27,6 @@ from masmc_ros.law.command_interface import by_velocity
 from masmc_ros.loop.driven_robots import DrivenRobots
 from masmc_ros.loop.simulated_robot import RIGID
 from masmc_ros.loop.timing import Timing
-from masmc_ros.numerics.aliases import Array, Flags
 from masmc_ros.params.declaration import Values
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.report.measure.reduced import metrics_of_lane, ReducedWindow, SETTLING

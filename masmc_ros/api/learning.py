@@ -17,9 +17,9 @@ from gymnasium import Env, register
 from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
+from masmc_ros.aliases import AnyArray, Array, Flags
 from masmc_ros.api.episodes import Episodes, Infos
 from masmc_ros.api.scenario import Scenario
-from masmc_ros.numerics.aliases import AnyArray, Array, Flags
 import numpy as np
 
 ENVIRONMENT = 'masmc/MobileManipulator-v0'

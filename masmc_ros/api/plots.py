@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from typing import NamedTuple, TYPE_CHECKING
 
+from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError
-from masmc_ros.numerics.aliases import Array
 from masmc_ros.report.measure.metrics import Metrics
 from masmc_ros.report.measure.tracking import Tracking
 

@@ -9,11 +9,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TYPE_CHECKING
 
+from masmc_ros.aliases import Array
 from masmc_ros.api.plots import Plots
 from masmc_ros.api.scenario import load, Scenario
 from masmc_ros.loop.signals import Signal, SIGNALS
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.numerics.aliases import Array
 from masmc_ros.params.declaration import Values
 from masmc_ros.params.scenario import activation
 from masmc_ros.report.measure.labels import law_label

@@ -19,8 +19,8 @@ from types import ModuleType
 from typing import Any, NamedTuple
 import warnings
 
+from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError, suggestion
-from masmc_ros.numerics.aliases import Array
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.params.scalar import typed
 import numpy as np

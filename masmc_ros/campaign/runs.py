@@ -14,8 +14,8 @@ from typing import Self
 
 from masmc_ros import __version__
 from masmc_ros.campaign.variable import Scenario, Variable
+from masmc_ros.jit.record import AT_RUN_TIME
 from masmc_ros.log.write.provenance import git_state
-from masmc_ros.numerics.record import AT_RUN_TIME
 from masmc_ros.params.declaration import check_all, MutableValues
 from masmc_ros.params.node_parameters import declared
 from masmc_ros.params.scenario import load_scenario

@@ -11,10 +11,10 @@ import sys
 from textwrap import fill
 from typing import Any
 
+from masmc_ros.aliases import AnyArray, Array
 from masmc_ros.campaign.campaign import Campaign
 from masmc_ros.campaign.part import metric_columns
 from masmc_ros.errors import InputError, suggestion
-from masmc_ros.numerics.aliases import AnyArray, Array
 from masmc_ros.report.aligned import aligned
 from masmc_ros.report.measure.table import Column, number
 import numpy as np

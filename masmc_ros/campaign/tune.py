@@ -19,12 +19,12 @@ import math
 from threading import Event
 from typing import NamedTuple
 
+from masmc_ros.aliases import Array
 from masmc_ros.campaign.campaign import Campaign
 from masmc_ros.campaign.part import evaluated
 from masmc_ros.campaign.runs import LANES, Run
 from masmc_ros.campaign.variable import Variable
 from masmc_ros.errors import InputError
-from masmc_ros.numerics.aliases import Array
 from masmc_ros.params.scalar import typed
 from masmc_ros.report.measure.metrics import Metrics
 from masmc_ros.report.measure.table import Column

@@ -9,8 +9,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 import re
 
+from masmc_ros.aliases import AnyArray
 from masmc_ros.errors import InputError
-from masmc_ros.numerics.aliases import AnyArray
 from masmc_ros.params.declaration import MutableValues, Parameter, Value, Values
 from masmc_ros.params.scenario import readers
 from masmc_ros.params.text import yaml_text

@@ -9,10 +9,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 import math
 
+from masmc_ros.aliases import Numbers
 from masmc_ros.compare import hardware
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.law.reaching.implicit import OBSERVER_GAIN
-from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.params.declaration import MutableValues
 from masmc_ros.robot.declaration import Mechanism
 import numpy as np

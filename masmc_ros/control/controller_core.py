@@ -14,6 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 import math
 
+from masmc_ros.aliases import Array
 from masmc_ros.control.actions import (
     Action,
     Actions,
@@ -55,7 +56,6 @@ from masmc_ros.loop.safe_stop import BALANCE, BALANCE_TIME, GUIDE, SafeStop, UNF
 from masmc_ros.loop.simulated_robot import diverged
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.reference_window import ReferenceWindow
-from masmc_ros.numerics.aliases import Array
 from masmc_ros.params.declaration import MutableValues, Values
 from masmc_ros.reference.approach import Approach
 from masmc_ros.reference.windows import ReferenceWindows

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import math
 
+from masmc_ros.aliases import Array
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.layer_bound import least_task_inertia, longest_hold, thinnest_layer
-from masmc_ros.numerics.aliases import Array
 from masmc_ros.throttle import Throttle
 import numpy as np
 

@@ -15,12 +15,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from masmc_ros.aliases import Array, Records
 from masmc_ros.identification.regressor import FRICTIONS, record_of
-from masmc_ros.numerics.aliases import Array, Records
-from masmc_ros.numerics.arrays import to_vector
-from masmc_ros.numerics.compiled import kernel
-from masmc_ros.numerics.lanes import lane_of
-from masmc_ros.numerics.vectors import check_workspace
+from masmc_ros.jit.arrays import to_vector
+from masmc_ros.jit.compiled import kernel
+from masmc_ros.jit.lanes import lane_of
+from masmc_ros.jit.vectors import check_workspace
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.robot import Robot
 import numpy as np

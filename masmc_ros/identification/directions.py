@@ -13,10 +13,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from masmc_ros.aliases import Array
 from masmc_ros.identification.consistent_parameters import Scale
 from masmc_ros.identification.identify import EXCITED, Identified
 from masmc_ros.identification.regressor import instantaneous
-from masmc_ros.numerics.aliases import Array
 from masmc_ros.robot.robot import Robot
 import numpy as np
 

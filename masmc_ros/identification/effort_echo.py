@@ -15,10 +15,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from masmc_ros.aliases import Array
 from masmc_ros.identification.latency_fit import Estimate, LARGEST, LatencyFit
 from masmc_ros.identification.state_buffer import StateBuffer
-from masmc_ros.numerics.aliases import Array
-from masmc_ros.numerics.compiled import kernel
+from masmc_ros.jit.compiled import kernel
 import numpy as np
 
 BURST = 2.0

@@ -13,18 +13,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from masmc_ros.aliases import Array, Records
 from masmc_ros.errors import InputError
 from masmc_ros.identification.consistent_parameters import Scale, scaled
 from masmc_ros.identification.directions import base_parameters
 from masmc_ros.identification.identify import Nominal
 from masmc_ros.identification.regressor import instantaneous, record_of
-from masmc_ros.numerics.aliases import Array, Records
-from masmc_ros.numerics.arrays import to_vector
-from masmc_ros.numerics.compiled import kernel
-from masmc_ros.numerics.lanes import lane_of
+from masmc_ros.jit.arrays import to_vector
+from masmc_ros.jit.compiled import kernel
+from masmc_ros.jit.lanes import lane_of
+from masmc_ros.jit.tuples import elementwise, head
+from masmc_ros.jit.vectors import check_workspace, free, mark
 from masmc_ros.numerics.scalars import minus
-from masmc_ros.numerics.tuples import elementwise, head
-from masmc_ros.numerics.vectors import check_workspace, free, mark
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.robot import Robot
 import numpy as np

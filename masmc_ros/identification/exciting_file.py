@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError
 from masmc_ros.identification.excitation import (
     exciting_series,
@@ -18,7 +19,6 @@ from masmc_ros.identification.excitation import (
 )
 from masmc_ros.identification.nominal import nominal_of, of_its_kind
 from masmc_ros.identification.parameter_file import EVERY, write_parameters
-from masmc_ros.numerics.aliases import Array
 from masmc_ros.params.declaration import MutableValues, Values
 from masmc_ros.params.node_parameters import declared, NODES, shared
 from masmc_ros.robot.declaration import Quantity

@@ -18,6 +18,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError
 from masmc_ros.identification.averaging_windows import (
     average_of_held,
@@ -30,7 +31,6 @@ from masmc_ros.identification.latency_fit import fit_timing, LARGEST, LatencyFit
 from masmc_ros.identification.load import COULOMB_SHARE
 from masmc_ros.identification.regressor import averaged, Equations, FRICTIONS
 from masmc_ros.identification.samples import Samples
-from masmc_ros.numerics.aliases import Array
 from masmc_ros.robot.robot import Robot
 import numpy as np
 from numpy.typing import NDArray

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from masmc_ros.numerics.aliases import Array
+from masmc_ros.aliases import Array
 import numpy as np
 
 LARGEST = 0.1

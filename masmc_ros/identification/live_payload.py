@@ -24,6 +24,7 @@ from collections import deque
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from masmc_ros.aliases import Array
 from masmc_ros.identification.averaging_windows import (
     Average,
     average_of_held,
@@ -34,7 +35,6 @@ from masmc_ros.identification.latency_fit import Estimate
 from masmc_ros.identification.load import COULOMB_SHARE, EXPECTED_MOMENTS, Load, load_of
 from masmc_ros.identification.regressor import averaged
 from masmc_ros.identification.state_buffer import StateBuffer
-from masmc_ros.numerics.aliases import Array
 from masmc_ros.robot.robot import Robot
 import numpy as np
 from numpy.typing import NDArray

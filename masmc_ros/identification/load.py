@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from masmc_ros.numerics.aliases import Array
+from masmc_ros.aliases import Array
 import numpy as np
 
 _HEAVIEST = 20.0

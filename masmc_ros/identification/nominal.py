@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from importlib import import_module
 
+from masmc_ros.aliases import Array, Function
 from masmc_ros.errors import InputError
 from masmc_ros.identification.identify import Nominal
 from masmc_ros.log.read.reader import Run
-from masmc_ros.numerics.aliases import Array, Function
 from masmc_ros.params.declaration import check_all, MutableValues, Values
 from masmc_ros.robot.mechanisms import mechanism_from, NAME
 from masmc_ros.robot.mechanisms import parameters as kinds

@@ -13,9 +13,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from masmc_ros.aliases import Array
 from masmc_ros.identification.identify import Identified, Measured, Nominal, relative_error
 from masmc_ros.identification.load import EXPECTED_MOMENTS, Load, load_of
-from masmc_ros.numerics.aliases import Array
 import numpy as np
 
 _LIGHTEST = 1.0e-3

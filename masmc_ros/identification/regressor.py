@@ -7,16 +7,16 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from masmc_ros.aliases import Array, Integers, Records
 from masmc_ros.identification.averaging_windows import Weights
-from masmc_ros.numerics.aliases import Array, Integers, Records
-from masmc_ros.numerics.arrays import to_vector
-from masmc_ros.numerics.compiled import kernel
-from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.lanes import lane_of
-from masmc_ros.numerics.record import fill, new_record
+from masmc_ros.jit.arrays import to_vector
+from masmc_ros.jit.compiled import kernel
+from masmc_ros.jit.field import Field
+from masmc_ros.jit.lanes import lane_of
+from masmc_ros.jit.record import fill, new_record
+from masmc_ros.jit.tuples import elementwise, unit
+from masmc_ros.jit.vectors import check_workspace, free, mark
 from masmc_ros.numerics.scalars import zero
-from masmc_ros.numerics.tuples import elementwise, unit
-from masmc_ros.numerics.vectors import check_workspace, free, mark
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.robot import Robot
 from masmc_ros.robot.tree.friction import sliding

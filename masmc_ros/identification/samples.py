@@ -8,10 +8,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
+from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError
 from masmc_ros.identification.averaging_windows import Average
 from masmc_ros.log.read.reader import Run
-from masmc_ros.numerics.aliases import Array
 import numpy as np
 from numpy.typing import NDArray
 

@@ -4,14 +4,14 @@
 """
 Types of the settings and the memory that every law has.
 
-They have no values: formulas get a lane of a record (`numerics.lanes`) with these fields. Editors
+They have no values: formulas get a lane of a record (`jit.lanes`) with these fields. Editors
 complete the names, and mypy checks them. A law with own parameters or memory derives classes with
 its fields, next to its declarations; `test/law/test_field_types.py` compares both.
 """
 
 from __future__ import annotations
 
-from masmc_ros.numerics.aliases import Axes, Joints, Numbers, Parameters
+from masmc_ros.aliases import Axes, Joints, Numbers, Parameters
 from masmc_ros.robot.formula_types import LawMemory, LawSettings
 
 

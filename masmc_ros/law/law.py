@@ -31,7 +31,7 @@ memory
 Fields have the names of their declarations, with dots replaced by underscores. A field is a
 number, or a vector with one number per task axis, joint or inertial parameter. A law must not
 assume how many of them a robot has. Reading a vector returns a copy; loops over rules and networks
-use the array `in_place(memory, 'name')` of `numerics.lanes`.
+use the array `in_place(memory, 'name')` of `jit.lanes`.
 
 The functions of a law are selected at compile time, from the type of the records. A law that is
 not in use costs nothing at run time.
@@ -43,13 +43,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from types import SimpleNamespace
 
+from masmc_ros.aliases import Joints
+from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.dispatch import by_tag, interface
+from masmc_ros.jit.field import Field
 from masmc_ros.law.declared import Declared
 from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Joints
-from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.dispatch import by_tag, interface
-from masmc_ros.numerics.field import Field
 from masmc_ros.robot.declaration import Mechanism
 
 

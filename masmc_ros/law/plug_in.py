@@ -13,7 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from masmc_ros.numerics.aliases import Array
+from masmc_ros.aliases import Array
 from masmc_ros.params.declaration import Parameter, Values
 
 

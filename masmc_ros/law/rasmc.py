@@ -10,14 +10,14 @@ After the tick, theta_hat changes by an explicit Euler step of d theta_hat / dt 
 
 from __future__ import annotations
 
+from masmc_ros.aliases import Joints
+from masmc_ros.jit.compiled import formula
 from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import adapt, GAMMA, project
 from masmc_ros.law.reaching.reaching import correct
 from masmc_ros.law.smc import SMC, torque
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Joints
-from masmc_ros.numerics.compiled import formula
 
 
 @formula

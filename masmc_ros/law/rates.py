@@ -10,16 +10,16 @@ v_r + T a_r / 2 is v_r in the middle of the period for which it is held.
 
 from __future__ import annotations
 
+from masmc_ros.aliases import Joints
+from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.tuples import elementwise
 from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Joints
-from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.scalars import zero
-from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot import mechanism
 
 

@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from masmc_ros.aliases import Joints
+from masmc_ros.jit.compiled import formula
 from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
@@ -12,8 +14,6 @@ from masmc_ros.law.parts.model import ESTIMATE, model_torque
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.reaching.reaching import correct, GAINS, reach
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Joints
-from masmc_ros.numerics.compiled import formula
 
 
 @formula

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from masmc_ros.aliases import Numbers
+from masmc_ros.jit.compiled import inlined
+from masmc_ros.jit.tuples import elementwise
 from masmc_ros.law.fields import Settings
 from masmc_ros.law.parts import moving_base
 from masmc_ros.law.parts.surface import reference_acceleration, reference_velocity, sliding_surface
-from masmc_ros.numerics.aliases import Numbers
-from masmc_ros.numerics.compiled import inlined
-from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.formula_types import Lengths, MechanismPosture, MechanismRegressor
 

@@ -14,7 +14,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 
+from masmc_ros.aliases import Array, Records
 from masmc_ros.errors import InputError
+from masmc_ros.jit.record import fill, lanes_of, take_over, uninitialised
 from masmc_ros.law.command_interface import check_agreement, is_hybrid, takes_rates
 from masmc_ros.law.law import Law
 from masmc_ros.law.rates import RATES
@@ -39,8 +41,6 @@ from masmc_ros.loop.simulated_robot import (
     write_start,
 )
 from masmc_ros.loop.timing import Timing
-from masmc_ros.numerics.aliases import Array, Records
-from masmc_ros.numerics.record import fill, lanes_of, take_over, uninitialised
 from masmc_ros.params.declaration import MutableValues, Parameter, Values
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.robot.declaration import Mechanism

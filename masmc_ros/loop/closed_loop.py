@@ -24,6 +24,13 @@ signals
 
 from __future__ import annotations
 
+from masmc_ros.aliases import Array, Integers, Numbers, Record, Records
+from masmc_ros.jit.arrays import to_vector
+from masmc_ros.jit.compiled import formula, kernel, kernel_of_threads
+from masmc_ros.jit.lanes import lane_of
+from masmc_ros.jit.record import copied, copy_to, lane_count
+from masmc_ros.jit.tuples import dot, elementwise, joined, tail, thirds
+from masmc_ros.jit.vectors import check_workspace, free, mark
 from masmc_ros.law import law
 from masmc_ros.law.parts import delay_compensation
 from masmc_ros.law.parts.command_limits import within_limits
@@ -31,13 +38,6 @@ from masmc_ros.law.parts.delay_compensation import State
 from masmc_ros.law.parts.velocity_estimator import estimate_rates
 from masmc_ros.loop.control import control, control_by_shortcut
 from masmc_ros.loop.reduction import reduce_tick
-from masmc_ros.numerics.aliases import Array, Integers, Numbers, Record, Records
-from masmc_ros.numerics.arrays import to_vector
-from masmc_ros.numerics.compiled import formula, kernel, kernel_of_threads
-from masmc_ros.numerics.lanes import lane_of
-from masmc_ros.numerics.record import copied, copy_to, lane_count
-from masmc_ros.numerics.tuples import dot, elementwise, joined, tail, thirds
-from masmc_ros.numerics.vectors import check_workspace, free, mark
 from masmc_ros.plant_model.plant_tick import (
     advance,
     drive_step,

@@ -5,6 +5,13 @@
 
 from __future__ import annotations
 
+from masmc_ros.aliases import Record
+from masmc_ros.jit.compiled import formula, inlined
+from masmc_ros.jit.field import Field
+from masmc_ros.jit.lanes import lane_of
+from masmc_ros.jit.record import copy_lane, copy_to, lane_count
+from masmc_ros.jit.tuples import elementwise, tail, thirds
+from masmc_ros.jit.vectors import free, mark
 from masmc_ros.law import law
 from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.parts import delay_compensation, moving_base, velocity_estimator
@@ -13,14 +20,7 @@ from masmc_ros.law.parts.delay_compensation import State
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.velocity_estimator import estimate_rates, ESTIMATED, note_disturbance
 from masmc_ros.law.tick import tick_of
-from masmc_ros.numerics.aliases import Record
-from masmc_ros.numerics.compiled import formula, inlined
-from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.lanes import lane_of
-from masmc_ros.numerics.record import copy_lane, copy_to, lane_count
 from masmc_ros.numerics.scalars import minus
-from masmc_ros.numerics.tuples import elementwise, tail, thirds
-from masmc_ros.numerics.vectors import free, mark
 from masmc_ros.plant_model.plant_fields import Signals
 from masmc_ros.robot import drift, mechanism
 

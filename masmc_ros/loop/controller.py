@@ -7,7 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError
+from masmc_ros.jit.compiled import bound
+from masmc_ros.jit.record import fill, take_over
 from masmc_ros.law import registry
 from masmc_ros.law.command_interface import by_velocity, is_hybrid, takes_rates
 from masmc_ros.law.law import Law
@@ -29,9 +32,6 @@ from masmc_ros.loop.closed_loop import (
 from masmc_ros.loop.dense import tick_input
 from masmc_ros.loop.law_dry_run import check
 from masmc_ros.loop.signals import inputs, SIGNALS
-from masmc_ros.numerics.aliases import Array
-from masmc_ros.numerics.compiled import bound
-from masmc_ros.numerics.record import fill, take_over
 from masmc_ros.params.declaration import MutableValues, Values
 from masmc_ros.robot.robot import Robot
 import numpy as np

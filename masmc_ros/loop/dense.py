@@ -5,15 +5,15 @@
 
 from __future__ import annotations
 
+from masmc_ros.aliases import Array, Numbers, Records
+from masmc_ros.jit.arrays import write_columns, write_part
+from masmc_ros.jit.compiled import formula, kernel
+from masmc_ros.jit.lanes import lane_of
+from masmc_ros.jit.tuples import elementwise, from_index, tail, thirds, unit
+from masmc_ros.jit.vectors import check_workspace
 from masmc_ros.law.plug_in import TickInput
 from masmc_ros.law.tick import tick_of
-from masmc_ros.numerics.aliases import Array, Numbers, Records
-from masmc_ros.numerics.arrays import write_columns, write_part
-from masmc_ros.numerics.compiled import formula, kernel
-from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.numerics.scalars import zero
-from masmc_ros.numerics.tuples import elementwise, from_index, tail, thirds, unit
-from masmc_ros.numerics.vectors import check_workspace
 from masmc_ros.params.declaration import Values
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.formula_types import (

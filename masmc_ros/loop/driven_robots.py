@@ -14,7 +14,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from masmc_ros.aliases import Array, Flags, Function, Records
 from masmc_ros.errors import InputError
+from masmc_ros.jit.compiled import bound
+from masmc_ros.jit.record import copy_lane, fill, take_over
 from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import plant_start, plant_tick, reduce_signals, track_reference
 from masmc_ros.loop.reduction import axes_of_points, reduced_signals
@@ -25,9 +28,6 @@ from masmc_ros.loop.simulated_robot import (
     write_plant,
     write_start,
 )
-from masmc_ros.numerics.aliases import Array, Flags, Function, Records
-from masmc_ros.numerics.compiled import bound
-from masmc_ros.numerics.record import copy_lane, fill, take_over
 from masmc_ros.params.declaration import Values
 from masmc_ros.robot.robot import robot_of
 import numpy as np

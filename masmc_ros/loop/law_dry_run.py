@@ -13,22 +13,22 @@ a law runs dry once per machine.
 from __future__ import annotations
 
 from masmc_ros.errors import InputError
-from masmc_ros.law.declared import declared_for
-from masmc_ros.law.law import Law
-from masmc_ros.law.registry import parameters, REACHING
-from masmc_ros.law.tick import tick_of
-from masmc_ros.loop import records
-from masmc_ros.mistakes import one_line
-from masmc_ros.numerics.checked_lane import (
+from masmc_ros.jit.checked_lane import (
     check_decorators,
     check_vector,
     CheckedLane,
     function_of,
     run_dry_once,
 )
-from masmc_ros.numerics.compiled import interpreted
-from masmc_ros.numerics.lanes import Lane, lane_of
-from masmc_ros.numerics.sources import files_of
+from masmc_ros.jit.compiled import interpreted
+from masmc_ros.jit.lanes import Lane, lane_of
+from masmc_ros.jit.sources import files_of
+from masmc_ros.law.declared import declared_for
+from masmc_ros.law.law import Law
+from masmc_ros.law.registry import parameters, REACHING
+from masmc_ros.law.tick import tick_of
+from masmc_ros.loop import records
+from masmc_ros.mistakes import one_line
 from masmc_ros.robot import mechanism as formulas
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.robot import Robot

@@ -12,13 +12,13 @@ from __future__ import annotations
 
 import math
 
+from masmc_ros.aliases import Array, Records
+from masmc_ros.jit.arrays import write_columns
+from masmc_ros.jit.compiled import kernel
+from masmc_ros.jit.lanes import lane_of
+from masmc_ros.jit.record import fill
+from masmc_ros.jit.vectors import check_workspace
 from masmc_ros.loop import records
-from masmc_ros.numerics.aliases import Array, Records
-from masmc_ros.numerics.arrays import write_columns
-from masmc_ros.numerics.compiled import kernel
-from masmc_ros.numerics.lanes import lane_of
-from masmc_ros.numerics.record import fill
-from masmc_ros.numerics.vectors import check_workspace
 from masmc_ros.robot import mechanism as formulas
 from masmc_ros.robot.declaration import Mechanism
 import numpy as np

@@ -25,7 +25,17 @@ from threading import Lock, Thread
 import time
 from typing import NamedTuple
 
+from masmc_ros.aliases import AnyArray, Function
 from masmc_ros.errors import UserError
+from masmc_ros.jit.compiled import (
+    bound,
+    is_interpreted,
+    is_loaded,
+    is_on_disk,
+    is_whole_on_disk,
+    machine_code,
+)
+from masmc_ros.jit.sources import files_of
 from masmc_ros.law import registry
 from masmc_ros.law.command_interface import COMMAND_INTERFACE, is_hybrid, takes_rates
 from masmc_ros.law.law import Law
@@ -45,16 +55,6 @@ from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.dense import arrays_of, dense
 from masmc_ros.loop.law_dry_run import check
 from masmc_ros.loop.signals import inputs
-from masmc_ros.numerics.aliases import AnyArray, Function
-from masmc_ros.numerics.compiled import (
-    bound,
-    is_interpreted,
-    is_loaded,
-    is_on_disk,
-    is_whole_on_disk,
-    machine_code,
-)
-from masmc_ros.numerics.sources import files_of
 from masmc_ros.params.declaration import MutableValues, Values
 from masmc_ros.params.text import yaml_text
 from masmc_ros.robot.declaration import Mechanism

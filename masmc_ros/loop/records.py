@@ -13,6 +13,8 @@ import math
 from pathlib import Path
 
 from masmc_ros.errors import InputError
+from masmc_ros.jit.field import Field, field_of
+from masmc_ros.jit.record import AT_RUN_TIME, fill, new_record
 from masmc_ros.law.command_interface import by_velocity, takes_rates
 from masmc_ros.law.declared import declared_for
 from masmc_ros.law.law import Law
@@ -21,8 +23,6 @@ from masmc_ros.law.parts.moving_base import BY_TORQUE, BY_VELOCITY
 from masmc_ros.law.registry import parameters, REACHING, shared_parameters
 from masmc_ros.loop import control
 from masmc_ros.loop.signals import SIGNALS, TRACKED
-from masmc_ros.numerics.field import Field, field_of
-from masmc_ros.numerics.record import AT_RUN_TIME, fill, new_record
 from masmc_ros.params.declaration import Parameter, Values
 from masmc_ros.plant_model import joint_effects, plant_tick
 from masmc_ros.robot.declaration import Mechanism

@@ -12,10 +12,10 @@ from __future__ import annotations
 
 import math
 
-from masmc_ros.numerics.aliases import Array, Integers, Record
-from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.record import lane_count, new_record
+from masmc_ros.aliases import Array, Integers, Record
+from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.field import Field
+from masmc_ros.jit.record import lane_count, new_record
 from masmc_ros.robot.declaration import Mechanism
 import numpy as np
 from numpy.typing import NDArray

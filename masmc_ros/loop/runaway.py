@@ -19,9 +19,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from masmc_ros.aliases import Array, Integers
+from masmc_ros.jit.compiled import kernel
 from masmc_ros.loop.controller import Controller
-from masmc_ros.numerics.aliases import Array, Integers
-from masmc_ros.numerics.compiled import kernel
 from masmc_ros.params.declaration import Parameter
 import numpy as np
 from numpy.typing import NDArray

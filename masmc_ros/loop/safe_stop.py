@@ -20,18 +20,18 @@ with its diagonal alone, damping is stable only at a fifth of the gain.
 
 from __future__ import annotations
 
+from masmc_ros.aliases import Array, Records
+from masmc_ros.jit.arrays import to_vector, write_along
+from masmc_ros.jit.compiled import formula, kernel
+from masmc_ros.jit.field import Field
+from masmc_ros.jit.lanes import lane_of
+from masmc_ros.jit.record import fill, new_record
+from masmc_ros.jit.tuples import dot, elementwise, tail
+from masmc_ros.jit.vectors import check_workspace
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES
 from masmc_ros.loop.controller import Controller
-from masmc_ros.numerics.aliases import Array, Records
-from masmc_ros.numerics.arrays import to_vector, write_along
-from masmc_ros.numerics.compiled import formula, kernel
-from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.numerics.limits import clipped, limited
-from masmc_ros.numerics.record import fill, new_record
 from masmc_ros.numerics.scalars import minus, moved, zero
-from masmc_ros.numerics.tuples import dot, elementwise, tail
-from masmc_ros.numerics.vectors import check_workspace
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 import numpy as np

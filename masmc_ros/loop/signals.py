@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from masmc_ros.numerics.field import Field
+from masmc_ros.jit.field import Field
 import numpy as np
 from numpy.typing import NDArray
 

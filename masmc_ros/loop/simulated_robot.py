@@ -12,6 +12,8 @@ from importlib import import_module
 from typing import Any
 
 from masmc_ros.errors import InputError
+from masmc_ros.jit.compiled import bound
+from masmc_ros.jit.record import fill
 from masmc_ros.law.command_interface import (
     by_velocity,
     COMMAND_INTERFACE,
@@ -23,8 +25,6 @@ from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import plant_hold, plant_start, plant_tick
 from masmc_ros.loop.signals import OF_PLANT
 from masmc_ros.loop.timing import check_count, MOST_TICKS
-from masmc_ros.numerics.compiled import bound
-from masmc_ros.numerics.record import fill
 from masmc_ros.optional import explained
 from masmc_ros.params.declaration import Parameter, Values
 from masmc_ros.plant_model.drives import joint_inertias, lag_shares

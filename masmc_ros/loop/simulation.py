@@ -8,7 +8,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 
+from masmc_ros.aliases import Array, Records
 from masmc_ros.errors import InputError
+from masmc_ros.jit.record import uninitialised
 from masmc_ros.law.command_interface import check_agreement
 from masmc_ros.loop.closed_loop import closed_loop
 from masmc_ros.loop.controller import Controller
@@ -26,8 +28,6 @@ from masmc_ros.loop.signals import OF_PLANT
 from masmc_ros.loop.simulated_robot import diverged, plant_of
 from masmc_ros.loop.tick_block import Change, TickBlock
 from masmc_ros.loop.timing import Timing
-from masmc_ros.numerics.aliases import Array, Records
-from masmc_ros.numerics.record import uninitialised
 from masmc_ros.params.declaration import Values
 from masmc_ros.reference.approach import Approach
 from masmc_ros.reference.trajectory import Trajectory

@@ -8,8 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from masmc_ros.aliases import Array
 from masmc_ros.loop.signals import SIGNALS
-from masmc_ros.numerics.aliases import Array
 from masmc_ros.params.declaration import Values
 from masmc_ros.robot.robot import Robot
 import numpy as np

@@ -222,8 +222,8 @@ class CommandWriter:
             True for void commands.
 
         """
+        from masmc_ros.jit.compiled import bound
         from masmc_ros.messages.kernels import write_command
-        from masmc_ros.numerics.compiled import bound
 
         self._kind, self._numbers, self._is_void = kind, numbers, is_void
         self._prepare(0)
@@ -321,8 +321,8 @@ class LabelledCdr:
 
     @cached_property
     def _read(self) -> Callable[..., tuple[int, bool]]:
+        from masmc_ros.jit.compiled import bound
         from masmc_ros.messages.kernels import read_command
-        from masmc_ros.numerics.compiled import bound
 
         return bound(read_command, b'', self._layout.forms, self._places, self.data)
 

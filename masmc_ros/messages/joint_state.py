@@ -71,8 +71,8 @@ class JointStateCdr(StampedMessage):
 
     @cached_property
     def _read(self) -> Callable[..., int]:
+        from masmc_ros.jit.compiled import bound
         from masmc_ros.messages.kernels import read_state
-        from masmc_ros.numerics.compiled import bound
 
         return bound(read_state, b'', self._layout.forms, self._starts, self._bytes)
 
@@ -93,8 +93,8 @@ class JointStateCdr(StampedMessage):
             Array of the efforts of the last joints, at most n, that the caller updates.
 
         """
+        from masmc_ros.jit.compiled import bound
         from masmc_ros.messages.kernels import write_state
-        from masmc_ros.numerics.compiled import bound
 
         arguments = position, velocity, effort, self._words, self.words
         write = bound(write_state, 0, *arguments)

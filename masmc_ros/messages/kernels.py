@@ -13,6 +13,8 @@ of its `Layout`, `message` the bytes of a message of that layout.
 
 from __future__ import annotations
 
+from masmc_ros.aliases import Array, Bytes, Integers
+from masmc_ros.jit.compiled import formula, kernel
 from masmc_ros.messages.cdr_layout import (
     END_OF_TIME,
     HEADER_SIZE,
@@ -20,8 +22,6 @@ from masmc_ros.messages.cdr_layout import (
     NANOSECONDS,
     UNREAD,
 )
-from masmc_ros.numerics.aliases import Array, Bytes, Integers
-from masmc_ros.numerics.compiled import formula, kernel
 import numpy as np
 
 _POINT, _ZERO = ord('.'), ord('0')

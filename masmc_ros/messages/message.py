@@ -67,8 +67,8 @@ class Message:
 
     @cached_property
     def _load(self) -> Callable[..., bool]:
+        from masmc_ros.jit.compiled import bound
         from masmc_ros.messages.kernels import load
-        from masmc_ros.numerics.compiled import bound
 
         return bound(load, b'', self._layout.forms, self._bytes)
 

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from functools import cache
 
+from masmc_ros.aliases import Array
 from masmc_ros.messages import deserialised
 from masmc_ros.messages.cdr_layout import Layout, NANOSECONDS
 from masmc_ros.messages.message import Message, StampedMessage
-from masmc_ros.numerics.aliases import Array
 from masmc_ros.robot.declaration import BASE_FRAME, ODOM_FRAME
 import numpy as np
 

@@ -88,8 +88,8 @@ class TelemetryCdr(Message):
 
     def writer(self, values: NDArray[np.float64]) -> Callable[[int], bytes]:
         """Return a function of a stamp in ns that returns the message of an array's numbers."""
+        from masmc_ros.jit.compiled import bound
         from masmc_ros.messages.kernels import write_telemetry
-        from masmc_ros.numerics.compiled import bound
 
         write = bound(write_telemetry, 0, values, self.numbers)
 

@@ -1,4 +1,4 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Numerical foundations: compiled formulas, portable functions, tuples and records."""
+"""Functions of numbers that are bitwise identical on every machine."""

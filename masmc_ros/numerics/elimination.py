@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
-from masmc_ros.numerics.aliases import Array
-from masmc_ros.numerics.compiled import formula, kernel
+from masmc_ros.aliases import Array
+from masmc_ros.jit.compiled import formula, kernel
 
 _NO_PIVOT = 1.0e300
 

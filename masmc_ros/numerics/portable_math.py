@@ -15,10 +15,10 @@ from __future__ import annotations
 
 import math
 
-from masmc_ros.numerics.aliases import Array, Numbers
-from masmc_ros.numerics.bits import bits_of, power_of_two, with_sign_flipped
-from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.tuples import elementwise
+from masmc_ros.aliases import Array, Numbers
+from masmc_ros.jit.bits import bits_of, power_of_two, with_sign_flipped
+from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.tuples import elementwise
 
 # Adding and subtracting 1.5 * 2**52 rounds a double of moderate size to the nearest integer.
 _ROUND = 6755399441055744.0

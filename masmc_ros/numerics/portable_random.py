@@ -11,7 +11,7 @@ and D. E. Shaw, "Parallel random numbers: as easy as 1, 2, 3" (SC 2011).
 
 from __future__ import annotations
 
-from masmc_ros.numerics.compiled import formula
+from masmc_ros.jit.compiled import formula
 
 _LOW = 0xFFFFFFFF
 _MULTIPLIER = 0xD256D193

@@ -9,10 +9,10 @@ from collections.abc import Callable
 import math
 
 from masmc_ros.errors import InputError
+from masmc_ros.jit.compiled import bound
 from masmc_ros.loop.closed_loop import plant_drive, plant_observe
 from masmc_ros.loop.signals import CONTACT
 from masmc_ros.loop.simulated_robot import SimulatedRobot
-from masmc_ros.numerics.compiled import bound
 from masmc_ros.params.declaration import Values
 from masmc_ros.physics.mujoco_model import contact_model
 from masmc_ros.robot.robot import Robot

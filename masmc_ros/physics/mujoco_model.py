@@ -15,8 +15,8 @@ from collections.abc import Sequence
 import math
 from typing import NamedTuple
 
+from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError
-from masmc_ros.numerics.aliases import Array
 from masmc_ros.params.declaration import Values
 from masmc_ros.robot.robot import Robot
 from masmc_ros.robot.tree.assembly import tree_robot, TreeRobot

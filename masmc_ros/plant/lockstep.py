@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
+from masmc_ros.aliases import Array
 from masmc_ros.control.actions import Line, Wait
-from masmc_ros.numerics.aliases import Array
 from masmc_ros.plant.latest_command import CommandPart
 from masmc_ros.plant.plant_core import Actions, AwaitCommand, NOTHING, PlantCore
 

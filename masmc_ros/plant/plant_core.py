@@ -14,11 +14,11 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import NamedTuple
 
+from masmc_ros.aliases import Array
 from masmc_ros.control.actions import Failure, Line, Wait
 from masmc_ros.errors import InputError
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.timing import Timing
-from masmc_ros.numerics.aliases import Array
 from masmc_ros.params.declaration import Values
 from masmc_ros.plant.lateness import Lateness
 from masmc_ros.plant.latest_command import CommandPart, Commands

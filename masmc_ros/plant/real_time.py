@@ -5,11 +5,11 @@
 
 from __future__ import annotations
 
+from masmc_ros.aliases import Array
 from masmc_ros.control.actions import Line
 from masmc_ros.errors import InputError
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.timing import LATE_TICKS, Timing
-from masmc_ros.numerics.aliases import Array
 from masmc_ros.params.declaration import Values
 from masmc_ros.plant.latest_command import CommandPart, Commands
 from masmc_ros.plant.plant_core import Action, Actions, NOTHING, PlantCore, PublishAgain

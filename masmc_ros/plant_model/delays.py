@@ -11,14 +11,14 @@ dropped. If a message is lost, its receiver uses the previous one for another ti
 
 from __future__ import annotations
 
-from masmc_ros.numerics.aliases import Array, Record
-from masmc_ros.numerics.arrays import read_part, write_part
-from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.lanes import lane_of
+from masmc_ros.aliases import Array, Record
+from masmc_ros.jit.arrays import read_part, write_part
+from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.lanes import lane_of
+from masmc_ros.jit.record import lane_count
+from masmc_ros.jit.tuples import elementwise
 from masmc_ros.numerics.portable_random import uniform
-from masmc_ros.numerics.record import lane_count
 from masmc_ros.numerics.scalars import zero
-from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.plant_model.plant_fields import PlantMemory, PlantSettings
 
 OF_MEASUREMENT, OF_COMMAND = 0, 1

@@ -5,13 +5,13 @@
 
 from __future__ import annotations
 
-from masmc_ros.numerics.aliases import Array, Record
-from masmc_ros.numerics.bits import bits_of
-from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.lanes import lane_of
+from masmc_ros.aliases import Array, Record
+from masmc_ros.jit.bits import bits_of
+from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.lanes import lane_of
+from masmc_ros.jit.record import lane_count
+from masmc_ros.jit.tuples import elementwise
 from masmc_ros.numerics.portable_math import padded, sines, write_sines
-from masmc_ros.numerics.record import lane_count
-from masmc_ros.numerics.tuples import elementwise
 
 
 @formula

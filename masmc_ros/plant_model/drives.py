@@ -15,14 +15,14 @@ increase the torque beyond the motor limit.
 
 from __future__ import annotations
 
-from masmc_ros.numerics.aliases import Array, Numbers, Records
-from masmc_ros.numerics.arrays import to_vector
-from masmc_ros.numerics.compiled import formula, kernel
-from masmc_ros.numerics.lanes import lane_of
+from masmc_ros.aliases import Array, Numbers, Records
+from masmc_ros.jit.arrays import to_vector
+from masmc_ros.jit.compiled import formula, kernel
+from masmc_ros.jit.lanes import lane_of
+from masmc_ros.jit.tuples import unit
+from masmc_ros.jit.vectors import check_workspace, free, mark
 from masmc_ros.numerics.limits import clipped
 from masmc_ros.numerics.portable_math import exp
-from masmc_ros.numerics.tuples import unit
-from masmc_ros.numerics.vectors import check_workspace, free, mark
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.formula_types import Lengths, MechanismInertia
 import numpy as np

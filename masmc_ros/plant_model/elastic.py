@@ -18,11 +18,11 @@ from __future__ import annotations
 
 import math
 
-from masmc_ros.numerics.aliases import Joints
-from masmc_ros.numerics.compiled import formula
+from masmc_ros.aliases import Joints
+from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.tuples import elementwise, tail
+from masmc_ros.jit.vectors import free, mark
 from masmc_ros.numerics.scalars import selected
-from masmc_ros.numerics.tuples import elementwise, tail
-from masmc_ros.numerics.vectors import free, mark
 from masmc_ros.plant_model.motion import moved_along, summed, weights_of_stage
 from masmc_ros.plant_model.plant_fields import PlantMemory, PlantSettings
 

@@ -14,11 +14,11 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from masmc_ros.numerics.aliases import Record
-from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.dispatch import by_tag, interface
-from masmc_ros.numerics.lanes import lane_of
-from masmc_ros.numerics.record import lane_count
+from masmc_ros.aliases import Record
+from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.dispatch import by_tag, interface
+from masmc_ros.jit.lanes import lane_of
+from masmc_ros.jit.record import lane_count
 
 OFF, ON = '', 'effects'
 """Tags of records without and with effects."""

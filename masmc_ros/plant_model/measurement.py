@@ -12,14 +12,14 @@ velocities they are zero. Finally all values are delayed by whole ticks, and som
 
 from __future__ import annotations
 
-from masmc_ros.numerics.aliases import Array, Record
-from masmc_ros.numerics.arrays import read_part, write_part
-from masmc_ros.numerics.compiled import formula
+from masmc_ros.aliases import Array, Record
+from masmc_ros.jit.arrays import read_part, write_part
+from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.record import lane_count
+from masmc_ros.jit.tuples import elementwise, head, joined
+from masmc_ros.jit.vectors import free, mark
 from masmc_ros.numerics.portable_random import gaussian
-from masmc_ros.numerics.record import lane_count
 from masmc_ros.numerics.scalars import minus, zero
-from masmc_ros.numerics.tuples import elementwise, head, joined
-from masmc_ros.numerics.vectors import free, mark
 from masmc_ros.plant_model.delays import is_lost, newest, OF_MEASUREMENT
 from masmc_ros.plant_model.elastic import rotor_angles, rotor_rates
 from masmc_ros.plant_model.plant_fields import PlantMemory, PlantSettings, Signals

@@ -5,11 +5,11 @@
 
 from __future__ import annotations
 
-from masmc_ros.numerics.aliases import Numbers
-from masmc_ros.numerics.compiled import formula
+from masmc_ros.aliases import Numbers
+from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.tuples import elementwise
+from masmc_ros.jit.vectors import free, mark
 from masmc_ros.numerics.scalars import plus
-from masmc_ros.numerics.tuples import elementwise
-from masmc_ros.numerics.vectors import free, mark
 from masmc_ros.plant_model.plant_fields import PlantMemory, PlantSettings
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.formula_types import Lengths

@@ -4,14 +4,14 @@
 """
 Types of the settings and the memory of the plant, and of the signals of a tick.
 
-They have no values: formulas get a lane of a record (`numerics.lanes`) with these fields. Editors
+They have no values: formulas get a lane of a record (`jit.lanes`) with these fields. Editors
 complete the names, and mypy checks them. `test/law/test_field_types.py` compares them with the
 declarations in `plant_model/plant_tick.py` and `loop/signals.py`.
 """
 
 from __future__ import annotations
 
-from masmc_ros.numerics.aliases import Axes, Joints, Numbers, Parameters
+from masmc_ros.aliases import Axes, Joints, Numbers, Parameters
 
 
 class PlantSettings:

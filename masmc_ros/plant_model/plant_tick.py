@@ -11,16 +11,16 @@ velocities and commands) has the delayed values of each lane. `holds` is True fo
 
 from __future__ import annotations
 
-from masmc_ros.numerics.aliases import Array, Numbers, Record
-from masmc_ros.numerics.compiled import formula, inlined
-from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.lanes import lane_of
+from masmc_ros.aliases import Array, Numbers, Record
+from masmc_ros.jit.compiled import formula, inlined
+from masmc_ros.jit.field import Field
+from masmc_ros.jit.lanes import lane_of
+from masmc_ros.jit.record import lane_count
+from masmc_ros.jit.scratch import scratch
+from masmc_ros.jit.tuples import column, elementwise
+from masmc_ros.jit.vectors import free, mark
 from masmc_ros.numerics.limits import limited
-from masmc_ros.numerics.record import lane_count
 from masmc_ros.numerics.scalars import minus, plus, selected, zero
-from masmc_ros.numerics.scratch import scratch
-from masmc_ros.numerics.tuples import column, elementwise
-from masmc_ros.numerics.vectors import free, mark
 from masmc_ros.plant_model.delays import receive
 from masmc_ros.plant_model.disturbance import (
     moment,

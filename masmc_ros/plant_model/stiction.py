@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 
-from masmc_ros.numerics.compiled import formula
+from masmc_ros.jit.compiled import formula
 
 _PER_STEP = 0.1
 """Largest product of the natural frequency of a joint on its bristles and the step."""

@@ -15,11 +15,11 @@ A mechanism whose reach a straight line could leave has separate kernels, `appro
 
 from __future__ import annotations
 
-from masmc_ros.numerics.aliases import Array, Records
-from masmc_ros.numerics.compiled import kernel
-from masmc_ros.numerics.lanes import lane_of
+from masmc_ros.aliases import Array, Records
+from masmc_ros.jit.compiled import kernel
+from masmc_ros.jit.lanes import lane_of
+from masmc_ros.jit.vectors import check_workspace
 from masmc_ros.numerics.limits import clipped
-from masmc_ros.numerics.vectors import check_workspace
 from masmc_ros.robot.approach_blend import decayed, returned, SHORTEST, task_state
 from masmc_ros.robot.robot import Robot
 import numpy as np

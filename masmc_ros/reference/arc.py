@@ -8,9 +8,9 @@ from __future__ import annotations
 import math
 from typing import ClassVar
 
+from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError
-from masmc_ros.numerics.aliases import Array
-from masmc_ros.numerics.compiled import kernel
+from masmc_ros.jit.compiled import kernel
 from masmc_ros.numerics.hermite import quintic
 from masmc_ros.numerics.portable_math import sin_cos
 from masmc_ros.params.declaration import Parameter, Values

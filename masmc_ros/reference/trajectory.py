@@ -9,10 +9,10 @@ from contextlib import AbstractContextManager, nullcontext
 import inspect
 from typing import cast, ClassVar
 
+from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError
+from masmc_ros.jit.compiled import interpreted, kernel
 from masmc_ros.mistakes import MistakeError, reported
-from masmc_ros.numerics.aliases import Array
-from masmc_ros.numerics.compiled import interpreted, kernel
 from masmc_ros.params.declaration import Parameter, Values
 from masmc_ros.params.plug_ins import load_plug_in, plugged_in
 from masmc_ros.reference.arc import Arc

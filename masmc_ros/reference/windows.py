@@ -14,9 +14,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError
-from masmc_ros.numerics.aliases import Array
-from masmc_ros.numerics.compiled import kernel
+from masmc_ros.jit.compiled import kernel
 from masmc_ros.numerics.hermite import quintic
 import numpy as np
 

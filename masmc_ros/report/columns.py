@@ -9,10 +9,10 @@ from collections.abc import Iterator, Sequence
 from itertools import chain
 from typing import NamedTuple
 
+from masmc_ros.aliases import Array
 from masmc_ros.log.read.decode import Series
 from masmc_ros.log.read.reader import Run
 from masmc_ros.loop.signals import CONTACT, PUBLISHED
-from masmc_ros.numerics.aliases import Array
 import numpy as np
 from numpy.typing import NDArray
 

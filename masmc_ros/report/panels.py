@@ -14,9 +14,9 @@ from functools import partial
 from html import escape
 from typing import NamedTuple
 
+from masmc_ros.aliases import Array
 from masmc_ros.log.read.decode import Series
 from masmc_ros.log.read.reader import Run
-from masmc_ros.numerics.aliases import Array
 from masmc_ros.report.measure.tracking import Compared, Tracking
 from masmc_ros.robot.declaration import Mechanism, Point
 import numpy as np

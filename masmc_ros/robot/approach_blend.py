@@ -5,9 +5,9 @@
 
 from __future__ import annotations
 
-from masmc_ros.numerics.aliases import Array, Numbers
-from masmc_ros.numerics.arrays import to_vector
-from masmc_ros.numerics.compiled import formula
+from masmc_ros.aliases import Array, Numbers
+from masmc_ros.jit.arrays import to_vector
+from masmc_ros.jit.compiled import formula
 from masmc_ros.numerics.hermite import quintic, Sample
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.formula_types import RobotLane

@@ -8,11 +8,11 @@ from __future__ import annotations
 from bisect import bisect_left
 import math
 
-from masmc_ros.numerics.aliases import Array, Records
-from masmc_ros.numerics.arrays import to_vector
-from masmc_ros.numerics.compiled import kernel
-from masmc_ros.numerics.lanes import lane_of
-from masmc_ros.numerics.vectors import check_workspace
+from masmc_ros.aliases import Array, Records
+from masmc_ros.jit.arrays import to_vector
+from masmc_ros.jit.compiled import kernel
+from masmc_ros.jit.lanes import lane_of
+from masmc_ros.jit.vectors import check_workspace
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.base_pose import OLDEST_POSE_NS, Pose
 from masmc_ros.robot.robot import Robot

@@ -20,8 +20,8 @@ from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Literal, NamedTuple
 
+from masmc_ros.aliases import Array, Numbers
 from masmc_ros.errors import InputError
-from masmc_ros.numerics.aliases import Array, Numbers
 from masmc_ros.params.declaration import MutableValues, Parameter
 import numpy as np
 

@@ -15,9 +15,9 @@ from __future__ import annotations
 
 import math
 
-from masmc_ros.numerics.aliases import Numbers
-from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.field import Field
+from masmc_ros.aliases import Numbers
+from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.field import Field
 from masmc_ros.robot.formula_types import LawMemory, LawSettings, Lengths, MechanismPosture
 
 FIRST_GAIN = 0.5

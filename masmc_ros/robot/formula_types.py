@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from masmc_ros.numerics.aliases import Axes, Joints, Numbers, Parameters
+from masmc_ros.aliases import Axes, Joints, Numbers, Parameters
 
 Lengths = tuple[object, ...]
 """Named tuple of a mechanism's constant lengths, the first argument of its formulas."""

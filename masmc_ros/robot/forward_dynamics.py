@@ -9,10 +9,10 @@ It is the default for mechanisms without a more efficient formula.
 
 from __future__ import annotations
 
-from masmc_ros.numerics.aliases import Numbers
-from masmc_ros.numerics.compiled import formula
+from masmc_ros.aliases import Numbers
+from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.tuples import elementwise
 from masmc_ros.numerics.scalars import minus
-from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.formula_types import Lengths, MechanismPosture
 

@@ -9,9 +9,9 @@ These are default formulas for mechanisms without a more specific adaptation.
 
 from __future__ import annotations
 
-from masmc_ros.numerics.aliases import Numbers
-from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.tuples import elementwise
+from masmc_ros.aliases import Numbers
+from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.tuples import elementwise
 from masmc_ros.robot.formula_types import LawSettings, Lengths
 
 

@@ -13,8 +13,8 @@ A `Mechanism` (`declaration.py`) declares names and numbers, and the module with
 of this file, under the same names. The type of `model`, the named tuple of the mechanism's
 constant lengths, selects them. All are pure and use SI units, radians and, for a task, the world
 frame by REP-103. Vectors are tuples; theta and vectors as long are arrays if they have more than
-`numerics.tuples.LONGEST` entries. With the size `numerics.record.AT_RUN_TIME`, one compiled code
-serves mechanisms of all sizes, and vectors are those of `numerics.vectors`. `template` is a vector
+`jit.tuples.LONGEST` entries. With the size `jit.record.AT_RUN_TIME`, one compiled code
+serves mechanisms of all sizes, and vectors are those of `jit.vectors`. `template` is a vector
 of the kind and length of the result. Built-in mechanisms are next to this file; plug-ins use entry
 points (`mechanisms.py`).
 
@@ -52,8 +52,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from masmc_ros.numerics.aliases import Columns, Numbers
-from masmc_ros.numerics.dispatch import by_class, by_tag, interface
+from masmc_ros.aliases import Columns, Numbers
+from masmc_ros.jit.dispatch import by_class, by_tag, interface
 from masmc_ros.robot.declaration import formulas_of_model, formulas_of_tag
 from masmc_ros.robot.drift import acceleration_itself, no_damping, no_drift, surface_itself
 from masmc_ros.robot.formula_types import (

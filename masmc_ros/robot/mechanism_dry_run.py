@@ -12,10 +12,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError, suggestion
-from masmc_ros.mistakes import MistakeError, one_line
-from masmc_ros.numerics.aliases import Array
-from masmc_ros.numerics.checked_lane import (
+from masmc_ros.jit.checked_lane import (
     check_decorators,
     check_vector,
     CheckedLane,
@@ -23,11 +22,12 @@ from masmc_ros.numerics.checked_lane import (
     run_dry_once,
     text_of,
 )
-from masmc_ros.numerics.compiled import interpreted
-from masmc_ros.numerics.field import Field, field_of
-from masmc_ros.numerics.generated import is_generated
-from masmc_ros.numerics.record import fill, new_record
-from masmc_ros.numerics.sources import closure, files_of
+from masmc_ros.jit.compiled import interpreted
+from masmc_ros.jit.field import Field, field_of
+from masmc_ros.jit.generated import is_generated
+from masmc_ros.jit.record import fill, new_record
+from masmc_ros.jit.sources import closure, files_of
+from masmc_ros.mistakes import MistakeError, one_line
 from masmc_ros.params.declaration import Values
 from masmc_ros.robot.declaration import Mechanism, Outline
 import numpy as np

@@ -9,14 +9,14 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+from masmc_ros.aliases import Array, Records
 from masmc_ros.errors import InputError
-from masmc_ros.numerics.aliases import Array, Records
-from masmc_ros.numerics.arrays import to_vector
-from masmc_ros.numerics.compiled import kernel
-from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.lanes import lane_of
-from masmc_ros.numerics.record import fill, new_record
-from masmc_ros.numerics.vectors import check_workspace, free, mark
+from masmc_ros.jit.arrays import to_vector
+from masmc_ros.jit.compiled import kernel
+from masmc_ros.jit.field import Field
+from masmc_ros.jit.lanes import lane_of
+from masmc_ros.jit.record import fill, new_record
+from masmc_ros.jit.vectors import check_workspace, free, mark
 from masmc_ros.params.declaration import Values
 from masmc_ros.robot import mechanism as formulas
 from masmc_ros.robot.declaration import Mechanism, ODOM_FRAME

@@ -10,10 +10,10 @@ have the first two formulas below.
 
 from __future__ import annotations
 
-from masmc_ros.numerics.aliases import Columns, Numbers
-from masmc_ros.numerics.compiled import formula
+from masmc_ros.aliases import Columns, Numbers
+from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.tuples import elementwise, from_index, unit
 from masmc_ros.numerics.scalars import minus
-from masmc_ros.numerics.tuples import elementwise, from_index, unit
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.formula_types import Lengths, MechanismInertia, MechanismPosture
 from masmc_ros.robot.mechanism import of_model, Tracking

@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import NoReturn, TypeVar
 from xml.parsers import expat
 
+from masmc_ros.aliases import Numbers
 from masmc_ros.errors import InputError, suggestion
-from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.robot.packages import resource_path
 
 MOST_BYTES = 10_000_000

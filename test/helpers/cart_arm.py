@@ -20,7 +20,7 @@ import math
 from typing import Any, NamedTuple
 
 from masmc_ros.errors import InputError
-from masmc_ros.numerics.compiled import formula
+from masmc_ros.jit.compiled import formula
 from masmc_ros.numerics.portable_math import sin_cos
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot.declaration import (

@@ -16,10 +16,10 @@ from typing import Any
 
 from helpers.lagrangian import matrices
 from helpers.robots import Array, DEFAULT
+from masmc_ros.jit.compiled import interpreted
 from masmc_ros.loop.closed_loop import control_tick
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.numerics.compiled import interpreted
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.robot import robot_of
 import numpy as np

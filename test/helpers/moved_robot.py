@@ -8,11 +8,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from masmc_ros.aliases import Array
 from masmc_ros.identification.excitation import Series
 from masmc_ros.identification.regressor import instantaneous
 from masmc_ros.identification.samples import Samples
 from masmc_ros.loop.simulated_robot import SimulatedRobot
-from masmc_ros.numerics.aliases import Array
 from masmc_ros.robot.robot import Robot, robot_of
 import numpy as np
 

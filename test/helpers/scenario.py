@@ -10,13 +10,13 @@ import math
 from typing import Any
 
 from helpers.robots import Array, AXES, BASE_PARAMETERS, DEFAULT, Machine
+from masmc_ros.jit.record import fill
 from masmc_ros.law.registry import LAWS
 from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import closed_loop, control_tick, plant_start, plant_tick
 from masmc_ros.loop.signals import inputs
 from masmc_ros.loop.simulated_robot import delay_line
 from masmc_ros.numerics.portable_math import sin_cos
-from masmc_ros.numerics.record import fill
 from masmc_ros.reference.trajectory import LineSine
 from masmc_ros.robot.two_link.paper_robot import TWO_LINK
 import numpy as np

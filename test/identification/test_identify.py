@@ -14,6 +14,7 @@ from helpers.small_tree import parameters as small_tree
 from helpers.small_tree import START
 from hypothesis import given, Phase, settings
 from hypothesis import strategies as st
+from masmc_ros.aliases import Array
 from masmc_ros.identification.consistent_parameters import (
     is_consistent,
     nearest_consistent,
@@ -31,7 +32,6 @@ from masmc_ros.identification.identify import (
 from masmc_ros.identification.nominal import nominal_of, of_its_kind
 from masmc_ros.identification.parameter_file import write_identified
 from masmc_ros.identification.payload import payload_of
-from masmc_ros.numerics.aliases import Array
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.mechanisms import DEFAULT as PLANAR
 from masmc_ros.robot.robot import Robot, robot_of

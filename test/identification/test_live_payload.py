@@ -11,6 +11,7 @@ from typing import Any
 from helpers.moved_robot import computed, PERIOD, series
 from helpers.small_tree import parameters as small_tree
 from helpers.small_tree import START
+from masmc_ros.aliases import Array
 from masmc_ros.identification.latency_fit import Estimate
 from masmc_ros.identification.live_payload import (
     BlockBuffer,
@@ -21,7 +22,6 @@ from masmc_ros.identification.live_payload import (
 from masmc_ros.identification.load import Load
 from masmc_ros.identification.nominal import nominal_of
 from masmc_ros.identification.samples import Samples
-from masmc_ros.numerics.aliases import Array
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.mechanisms import DEFAULT as PLANAR
 from masmc_ros.robot.robot import Robot, robot_of

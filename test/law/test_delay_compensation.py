@@ -12,6 +12,8 @@ from helpers.robots import PROPERTY
 from hypothesis import given
 from hypothesis import strategies as st
 from masmc_ros.control.state_lateness import outdated_latency, StateLateness
+from masmc_ros.jit.compiled import kernel
+from masmc_ros.jit.lanes import lane_of
 from masmc_ros.law.parts.delay_compensation import (
     BANDWIDTH,
     estimate_gain,
@@ -24,8 +26,6 @@ from masmc_ros.law.parts.velocity_estimator import filter_bandwidth
 from masmc_ros.loop.closed_loop import predict_state
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulated_robot import SimulatedRobot
-from masmc_ros.numerics.compiled import kernel
-from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.robot.robot import robot_of
 import numpy as np
 from numpy.typing import NDArray

@@ -12,11 +12,11 @@ from typing import Any
 
 from helpers.law_bench import PAPER
 from masmc_ros.errors import InputError
+from masmc_ros.jit.compiled import interpreted
 from masmc_ros.law import registry
 from masmc_ros.law.registry import LAWS
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.numerics.compiled import interpreted
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.robot.two_link.paper_robot import TWO_LINK

@@ -9,6 +9,7 @@ from collections.abc import Iterable
 import inspect
 import typing
 
+from masmc_ros.jit.field import Field
 from masmc_ros.law.declared import declared_for
 from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.law import Law
@@ -16,7 +17,6 @@ from masmc_ros.law.parts import delay_compensation
 from masmc_ros.law.registry import LAWS, OF_RATES, REACHING, shared_parameters
 from masmc_ros.loop import control, records
 from masmc_ros.loop.signals import SIGNALS
-from masmc_ros.numerics.field import Field
 from masmc_ros.plant_model import plant_tick
 from masmc_ros.plant_model.plant_fields import PlantMemory, PlantSettings, Signals
 from masmc_ros.robot.two_link.paper_robot import TWO_LINK

@@ -12,11 +12,11 @@ from helpers.robots import Array, assert_agree, between, PROPERTY
 from helpers.scenario import law_records, Scenario
 from hypothesis import example, given
 from hypothesis import strategies as st
+from masmc_ros.jit.record import fill
 from masmc_ros.law.reaching.implicit import disturbance_estimate, implicit_reaching, solution
 from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import control_tick
 from masmc_ros.loop.signals import inputs
-from masmc_ros.numerics.record import fill
 from masmc_ros.robot.two_link.paper_robot import TWO_LINK
 import numpy as np
 import pytest

@@ -21,11 +21,11 @@ from helpers.robots import (
 )
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from masmc_ros.jit.record import fill
 from masmc_ros.law.plug_in import TickInput
 from masmc_ros.law.registry import LAWS
 from masmc_ros.loop import records
 from masmc_ros.loop.dense import tick_input
-from masmc_ros.numerics.record import fill
 from masmc_ros.robot.two_link.dynamics import coriolis
 from masmc_ros.robot.two_link.geometry import joint_torque, posture, quasi_velocity
 from masmc_ros.robot.two_link.kinematics import task_drift, task_position

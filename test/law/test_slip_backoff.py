@@ -8,11 +8,11 @@ from __future__ import annotations
 from helpers.lagrangian import matrices
 from helpers.robots import Array, DEFAULT
 from helpers.scenario import law_records, Scenario
+from masmc_ros.jit.record import fill
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED, MEASURED
 from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import control_tick
 from masmc_ros.loop.signals import inputs
-from masmc_ros.numerics.record import fill
 from masmc_ros.robot.two_link.paper_robot import TWO_LINK
 import numpy as np
 import pytest

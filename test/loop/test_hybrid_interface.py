@@ -10,6 +10,8 @@ from typing import Any
 
 from helpers.small_tree import parameters, START
 from masmc_ros.errors import InputError
+from masmc_ros.jit.compiled import interpreted
+from masmc_ros.jit.lanes import lane_of
 from masmc_ros.law.command_interface import by_velocity
 from masmc_ros.law.parts.moving_base import accelerations_on_base, rates_by_torque
 from masmc_ros.loop import records
@@ -17,8 +19,6 @@ from masmc_ros.loop.controller_events import DEACTIVATED
 from masmc_ros.loop.simulated_robot import plant_of
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.tick_block import Change, TickBlock
-from masmc_ros.numerics.compiled import interpreted
-from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.params.node_parameters import declared
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot import mechanism

@@ -10,11 +10,11 @@ from pathlib import Path
 from types import ModuleType
 
 from masmc_ros.errors import InputError
+from masmc_ros.jit.compiled import kernel
 from masmc_ros.law import registry
 from masmc_ros.law.law import Law
 from masmc_ros.law.registry import LAWS, OF_RATES
 from masmc_ros.loop.law_dry_run import run_dry
-from masmc_ros.numerics.compiled import kernel
 from masmc_ros.robot.two_link.paper_robot import TWO_LINK
 import numpy as np
 import pytest
@@ -26,9 +26,9 @@ from masmc_ros.law.law import Law
 from masmc_ros.law.parts.model import ESTIMATE, model_torque
 from masmc_ros.law.reaching.reaching import GAINS, reach, Reaching
 from masmc_ros.law.reaching.sign import sign
-from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.tuples import elementwise
+from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.field import Field
+from masmc_ros.jit.tuples import elementwise
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 

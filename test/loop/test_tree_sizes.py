@@ -12,16 +12,16 @@ import sys
 from helpers.child_environment import child_environment
 from helpers.small_tree import hand_at_start, URDF, write_scenario
 from masmc_ros.errors import InputError
+from masmc_ros.jit.compiled import kernel
+from masmc_ros.jit.field import Field
+from masmc_ros.jit.lanes import lane_of
+from masmc_ros.jit.record import AT_RUN_TIME, new_record
+from masmc_ros.jit.tuples import elementwise
+from masmc_ros.jit.vectors import check_workspace, free, mark
 from masmc_ros.loop.dense import tick_input
 from masmc_ros.loop.layer_bound import least_task_inertia
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.numerics.compiled import kernel
-from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.lanes import lane_of
-from masmc_ros.numerics.record import AT_RUN_TIME, new_record
 from masmc_ros.numerics.scalars import plus
-from masmc_ros.numerics.tuples import elementwise
-from masmc_ros.numerics.vectors import check_workspace, free, mark
 from masmc_ros.params.scenario import load_scenario
 from numba.core import event
 import numpy as np
@@ -156,9 +156,9 @@ def test_full_workspace_raises_one_line() -> None:
 def test_record_of_another_type_raises() -> None:
     """Compiled code is not used for a record with other fields."""
     code = (
-        'from masmc_ros.numerics.compiled import bound\n'
-        'from masmc_ros.numerics.field import Field\n'
-        'from masmc_ros.numerics.record import AT_RUN_TIME, new_record\n'
+        'from masmc_ros.jit.compiled import bound\n'
+        'from masmc_ros.jit.field import Field\n'
+        'from masmc_ros.jit.record import AT_RUN_TIME, new_record\n'
         'from loop.test_tree_sizes import _records, _sum\n'
         'run = bound(_sum, _records(3), 1, True)\n'
         "other = new_record((Field('others', 'n'),), {'n': 3, AT_RUN_TIME: 1})\n"

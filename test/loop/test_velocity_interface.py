@@ -8,11 +8,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from masmc_ros.errors import InputError
+from masmc_ros.jit.record import fill
 from masmc_ros.loop import records
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.tick_block import TickBlock
-from masmc_ros.numerics.record import fill
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.plant_model.drives import drive, joint_inertias
 from masmc_ros.robot.robot import robot_of

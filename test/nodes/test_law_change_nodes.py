@@ -61,7 +61,7 @@ BROKEN = '''
 from dataclasses import replace
 
 from masmc_ros.law.smc import SMC
-from masmc_ros.numerics.compiled import formula
+from masmc_ros.jit.compiled import formula
 
 
 @formula

@@ -31,7 +31,7 @@ COMPUTED = """
 IMPORTED = """
 import math
 from masmc_ros.numerics.scalars import minus
-from masmc_ros.numerics.tuples import dot
+from masmc_ros.jit.tuples import dot
 """
 SIMULATION = (
     'simulate', 'config/paper.yaml', '--set', 'duration=0.03', '--set', 'control_period=0.001',

@@ -14,7 +14,7 @@ import sys
 from xml.etree import ElementTree
 
 from helpers.child_environment import child_environment
-from masmc_ros.numerics.supported_numba import FIRST_UNSUPPORTED, OLDEST
+from masmc_ros.jit.supported_numba import FIRST_UNSUPPORTED, OLDEST
 from masmc_ros.optional import PACKAGES
 import pytest
 

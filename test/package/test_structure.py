@@ -18,6 +18,7 @@ PARAMETERS_OF_NODES = ('params.node_parameters', 'params.scenario')
 ORDER = (
     '',  # modules such as errors
     'params',
+    'jit',
     'numerics',
     'robot',
     'plant_model',
@@ -224,7 +225,7 @@ def test_computations_of_a_run_do_not_use_sum() -> None:
     package = Path(__file__).parents[2] / 'masmc_ros'
     calls = [
         f'{path.relative_to(package)}:{node.lineno}'
-        for folder in ('numerics', 'robot', 'law', 'reference', 'loop')
+        for folder in ('jit', 'numerics', 'robot', 'law', 'reference', 'loop')
         for path in sorted((package / folder).rglob('*.py'))
         for node in ast.walk(ast.parse(path.read_text(encoding='utf-8')))
         if isinstance(node, ast.Call)

@@ -13,13 +13,13 @@ from typing import Any
 from helpers.small_tree import parameters, START, URDF
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
+from masmc_ros.jit.record import fill
 from masmc_ros.loop import records
 from masmc_ros.loop.batch_simulation import BatchSimulation
 from masmc_ros.loop.signals import CONTACT, largest_slip
 from masmc_ros.loop.simulated_robot import plant_of, SimulatedRobot
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.tick_block import TickBlock
-from masmc_ros.numerics.record import fill
 from masmc_ros.params.node_parameters import declared
 from masmc_ros.params.scenario import activation, load_scenario
 from masmc_ros.physics.mujoco_model import contact_model

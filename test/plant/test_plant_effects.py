@@ -14,13 +14,13 @@ from helpers.small_tree import parameters, START
 from hypothesis import given
 from hypothesis import strategies as st
 from masmc_ros.errors import InputError
+from masmc_ros.jit.record import take_over
 from masmc_ros.loop import records
 from masmc_ros.loop.batch_simulation import BatchSimulation
 from masmc_ros.loop.driven_robots import DrivenRobots
 from masmc_ros.loop.signals import OF_PLANT
 from masmc_ros.loop.simulated_robot import plant_of, SimulatedRobot
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.numerics.record import take_over
 from masmc_ros.params.node_parameters import declared
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.plant_model.delays import is_lost, newest, OF_COMMAND, OF_MEASUREMENT

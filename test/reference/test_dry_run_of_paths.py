@@ -12,7 +12,7 @@ from masmc_ros.reference.trajectory import ENTRY_POINTS
 import pytest
 
 SOURCE = '''
-from masmc_ros.numerics.compiled import formula, kernel
+from masmc_ros.jit.compiled import formula, kernel
 from masmc_ros.numerics.portable_math import sin_cos
 from masmc_ros.params.declaration import Parameter
 import numpy as np

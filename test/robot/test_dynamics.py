@@ -33,9 +33,9 @@ from helpers.robots import (
 from helpers.scenario import law_records, Scenario
 from hypothesis import example, given
 from hypothesis import strategies as st
+from masmc_ros.jit.record import fill
 from masmc_ros.loop import records
 from masmc_ros.loop.dense import tick_input
-from masmc_ros.numerics.record import fill
 from masmc_ros.robot.two_link.dynamics import (
     BaseParameters,
     coriolis,

@@ -24,10 +24,10 @@ from helpers.robots import (
 from hypothesis import given
 from hypothesis import strategies as st
 from masmc_ros.errors import InputError
+from masmc_ros.jit.record import fill
 from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import plant_start, plant_tick
 from masmc_ros.loop.simulated_robot import SimulatedRobot, write_start
-from masmc_ros.numerics.record import fill
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.robot import Robot, robot_of
 from masmc_ros.robot.two_link.dynamics import inertia, inertia_times

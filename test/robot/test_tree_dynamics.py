@@ -16,7 +16,7 @@ from helpers.robots import DEFAULT, Machine, machines
 from helpers.tree_bits import adapted_digest, digest, model_of
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from masmc_ros.numerics.lanes import lane_of
+from masmc_ros.jit.lanes import lane_of
 from masmc_ros.robot.robot import robot_description
 from masmc_ros.robot.tree import articulated, dynamics, kinematics
 from masmc_ros.robot.tree.assembly import pseudo_inertia, tree_robot

@@ -12,9 +12,9 @@ from helpers.small_tree import parameters, START
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from masmc_ros.errors import InputError
+from masmc_ros.jit.record import tag_of
+from masmc_ros.jit.sized_records import type_of
 from masmc_ros.loop.records import plant_settings
-from masmc_ros.numerics.record import tag_of
-from masmc_ros.numerics.sized_records import type_of
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.declaration import formulas_of_tag
 from masmc_ros.robot.mechanisms import mechanism_from

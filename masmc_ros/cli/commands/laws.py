@@ -11,12 +11,12 @@ import textwrap
 from time import perf_counter
 
 from masmc_ros.cli.arguments import add_json
+from masmc_ros.jit.compiled import bound
 from masmc_ros.law import registry
 from masmc_ros.law.law import Law
 from masmc_ros.loop.closed_loop import control_ticks
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulated_robot import SimulatedRobot
-from masmc_ros.numerics.compiled import bound
 from masmc_ros.params.declaration import check_all
 from masmc_ros.params.node_parameters import declared
 from masmc_ros.report.aligned import WIDTH

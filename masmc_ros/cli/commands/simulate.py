@@ -14,6 +14,7 @@ import shutil
 import sys
 from typing import NamedTuple
 
+from masmc_ros.aliases import Array, Flags
 from masmc_ros.cli.arguments import add_file, add_overwrite, add_settings
 from masmc_ros.cli.compile_notice import compile_notice
 from masmc_ros.errors import InputError
@@ -22,7 +23,6 @@ from masmc_ros.log.recover.overlap import check_apart
 from masmc_ros.loop.signals import largest_slip
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.tick_block import Change
-from masmc_ros.numerics.aliases import Array, Flags
 from masmc_ros.output_files import check_absent
 from masmc_ros.params.declaration import Values
 from masmc_ros.params.scenario import activation, load_scenario, logged_scenario, strays

@@ -14,11 +14,11 @@ from masmc_ros.cli.arguments import add_settings
 from masmc_ros.cli.compile_notice import compile_notice
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.identification.effort_echo import compile_echo
+from masmc_ros.jit.record import AT_RUN_TIME
 from masmc_ros.law import registry
 from masmc_ros.loop.preparation import code_for
 from masmc_ros.loop.simulated_robot import plant_of
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.numerics.record import AT_RUN_TIME
 from masmc_ros.params.declaration import Values
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.report.measure.labels import law_label

@@ -16,6 +16,10 @@ from __future__ import annotations
 
 import math
 
+from masmc_ros.aliases import Joints, Numbers
+from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.field import Field
+from masmc_ros.jit.tuples import dot, elementwise
 from masmc_ros.law import fields
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import adapt_along, project
@@ -24,11 +28,7 @@ from masmc_ros.law.parts.last_period import last_regressor
 from masmc_ros.law.rasmc import RASMC
 from masmc_ros.law.reaching.reaching import correct
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Joints, Numbers
-from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.scalars import minus
-from masmc_ros.numerics.tuples import dot, elementwise
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 

@@ -19,6 +19,12 @@ from __future__ import annotations
 
 import math
 
+from masmc_ros.aliases import Array, Joints, Numbers, Parameters
+from masmc_ros.jit.arrays import to_vector
+from masmc_ros.jit.compiled import formula, kernel
+from masmc_ros.jit.field import Field
+from masmc_ros.jit.lanes import in_place
+from masmc_ros.jit.tuples import elementwise, from_index, unit
 from masmc_ros.law import fields
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import adapt_along, project
@@ -27,14 +33,8 @@ from masmc_ros.law.parts.last_period import last_regressor
 from masmc_ros.law.rasmc import RASMC
 from masmc_ros.law.reaching.reaching import correct
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Array, Joints, Numbers, Parameters
-from masmc_ros.numerics.arrays import to_vector
-from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.elimination import factor, solve, solve_definite
-from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.lanes import in_place
 from masmc_ros.numerics.scalars import plus
-from masmc_ros.numerics.tuples import elementwise, from_index, unit
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.formula_types import Lengths, MechanismInertia, MechanismRegressor

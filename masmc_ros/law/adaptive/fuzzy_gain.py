@@ -14,6 +14,11 @@ Man, and Cybernetics A 33, 2003; reference [8] of the paper.
 
 from __future__ import annotations
 
+from masmc_ros.aliases import Axes, Joints, Numbers
+from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.field import Field
+from masmc_ros.jit.lanes import in_place
+from masmc_ros.jit.tuples import elementwise
 from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.law import Law
@@ -31,11 +36,6 @@ from masmc_ros.law.parts.model import ESTIMATE, model_torque
 from masmc_ros.law.parts.realisable import realisable
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Axes, Joints, Numbers
-from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.lanes import in_place
-from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.params.declaration import Parameter
 
 PARAMETERS = (

@@ -18,6 +18,11 @@ system", IEEE Transactions on Fuzzy Systems 6, 1998.
 
 from __future__ import annotations
 
+from masmc_ros.aliases import Columns, Joints, Numbers
+from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.field import Field
+from masmc_ros.jit.lanes import in_place
+from masmc_ros.jit.tuples import dot, elementwise
 from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.law import Law
@@ -37,12 +42,7 @@ from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.realisable import realisable, secant
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Columns, Joints, Numbers
-from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.lanes import in_place
 from masmc_ros.numerics.scalars import minus
-from masmc_ros.numerics.tuples import dot, elementwise
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 

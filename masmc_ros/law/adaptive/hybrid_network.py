@@ -15,6 +15,11 @@ of the paper, a hybrid of sliding mode and a fuzzy neural network.
 
 from __future__ import annotations
 
+from masmc_ros.aliases import Columns, Joints, Numbers
+from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.field import Field
+from masmc_ros.jit.lanes import in_place
+from masmc_ros.jit.tuples import elementwise
 from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.law import Law
@@ -34,12 +39,7 @@ from masmc_ros.law.parts.realisable import realisable, realisable_part, secant
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.reaching.saturation import saturation
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Columns, Joints, Numbers
-from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.lanes import in_place
 from masmc_ros.numerics.scalars import minus
-from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 

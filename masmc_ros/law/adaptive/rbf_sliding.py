@@ -16,6 +16,11 @@ from __future__ import annotations
 
 import math
 
+from masmc_ros.aliases import Axes, Columns, Joints, Numbers
+from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.field import Field
+from masmc_ros.jit.lanes import in_place
+from masmc_ros.jit.tuples import dot, elementwise
 from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.law import Law
@@ -35,12 +40,7 @@ from masmc_ros.law.parts.surface import reference_acceleration, reference_veloci
 from masmc_ros.law.reaching.reaching import BOUNDARY_LAYER, reaching_force
 from masmc_ros.law.reaching.saturation import saturation
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Axes, Columns, Joints, Numbers
-from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.lanes import in_place
 from masmc_ros.numerics.scalars import plus
-from masmc_ros.numerics.tuples import dot, elementwise
 from masmc_ros.params.declaration import Parameter
 
 PARAMETERS = (

@@ -13,6 +13,10 @@ where v_r and a_r of (14), an outer kinematic loop of bandwidth sigma, replace d
 
 from __future__ import annotations
 
+from masmc_ros.aliases import Joints
+from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.field import Field
+from masmc_ros.jit.tuples import elementwise
 from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.law import Law
@@ -28,11 +32,7 @@ from masmc_ros.law.parts.inverse_dynamics import (
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Joints
-from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.scalars import minus
-from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot import mechanism
 
 PARAMETERS = (

@@ -14,6 +14,10 @@ source has 0.
 
 from __future__ import annotations
 
+from masmc_ros.aliases import Axes, Joints
+from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.field import Field
+from masmc_ros.jit.tuples import elementwise
 from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.law import Law
@@ -28,10 +32,6 @@ from masmc_ros.law.parts.inverse_dynamics import (
 )
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Axes, Joints
-from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.tuples import elementwise
 
 PARAMETERS = (
     PerEntry('nonlinear_feedback.k_p', 'axes', STIFFNESS, 'Stiffness K_p per mass', '1/s²'),

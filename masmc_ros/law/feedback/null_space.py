@@ -18,6 +18,10 @@ damped where S is small, and F_1 is exact for any F_2. J as a whole is not inver
 
 from __future__ import annotations
 
+from masmc_ros.aliases import Axes, Columns, Joints, Numbers
+from masmc_ros.jit.arrays import to_vector
+from masmc_ros.jit.compiled import formula, kernel
+from masmc_ros.jit.tuples import elementwise, from_index, unit
 from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.fields import Memory
@@ -31,11 +35,7 @@ from masmc_ros.law.parts.inverse_dynamics import (
 )
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Axes, Columns, Joints, Numbers
-from masmc_ros.numerics.arrays import to_vector
-from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.scalars import minus, plus, zero
-from masmc_ros.numerics.tuples import elementwise, from_index, unit
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.formula_types import Lengths, MechanismInertia, MechanismPosture

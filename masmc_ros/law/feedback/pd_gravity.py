@@ -11,6 +11,9 @@ is passive: at a set-point the task behaves like springs and dampers.
 
 from __future__ import annotations
 
+from masmc_ros.aliases import Axes, Joints
+from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.tuples import elementwise
 from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.fields import Memory
@@ -19,10 +22,7 @@ from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.inverse_dynamics import gravity_forces
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Axes, Joints
-from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.scalars import plus
-from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot import mechanism
 
 PARAMETERS = (

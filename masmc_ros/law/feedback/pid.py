@@ -9,6 +9,10 @@ PID control in task space, without a model: spring, damper and integral on each 
 
 from __future__ import annotations
 
+from masmc_ros.aliases import Axes, Joints
+from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.field import Field
+from masmc_ros.jit.tuples import elementwise
 from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.law import Law
@@ -17,10 +21,6 @@ from masmc_ros.law.parts.integral import integrated
 from masmc_ros.law.parts.inverse_dynamics import limited_force, task_force_torque
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Axes, Joints
-from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.tuples import elementwise
 
 PARAMETERS = (
     PerEntry('pid.k_p', 'axes', 2000.0, 'Stiffness K_p', 'N/m'),

@@ -18,15 +18,15 @@ from __future__ import annotations
 
 import math
 
+from masmc_ros.aliases import Array, Joints, Numbers, Parameters
+from masmc_ros.jit.arrays import to_vector
+from masmc_ros.jit.compiled import formula, kernel
+from masmc_ros.jit.tuples import dot, elementwise
+from masmc_ros.jit.vectors import free, mark
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.parts.delay_compensation import gradient
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Array, Joints, Numbers, Parameters
-from masmc_ros.numerics.arrays import to_vector
-from masmc_ros.numerics.compiled import formula, kernel
-from masmc_ros.numerics.tuples import dot, elementwise
-from masmc_ros.numerics.vectors import free, mark
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.formula_types import Lengths

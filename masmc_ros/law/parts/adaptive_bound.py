@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from masmc_ros.numerics.compiled import formula
+from masmc_ros.jit.compiled import formula
 
 
 @formula

@@ -5,12 +5,12 @@
 
 from __future__ import annotations
 
+from masmc_ros.aliases import Joints
+from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.tuples import elementwise
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.fields import Settings
-from masmc_ros.numerics.aliases import Joints
-from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.limits import limited
-from masmc_ros.numerics.tuples import elementwise
 
 PARAMETERS = (
     PerEntry(

@@ -22,19 +22,19 @@ import math
 from types import SimpleNamespace
 from typing import NamedTuple
 
+from masmc_ros.aliases import Joints, Numbers, Record
+from masmc_ros.jit.arrays import read_along, write_along
+from masmc_ros.jit.compiled import formula, kernel
+from masmc_ros.jit.dispatch import by_tag, interface
+from masmc_ros.jit.field import Field
+from masmc_ros.jit.lanes import in_place
+from masmc_ros.jit.tuples import dot, elementwise, head, joined, tail
 from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.parts import moving_base
 from masmc_ros.law.parts.slip import backed_off
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED, filter_bandwidth
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Joints, Numbers, Record
-from masmc_ros.numerics.arrays import read_along, write_along
-from masmc_ros.numerics.compiled import formula, kernel
-from masmc_ros.numerics.dispatch import by_tag, interface
-from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.lanes import in_place
 from masmc_ros.numerics.scalars import minus, moved, plus, zero
-from masmc_ros.numerics.tuples import dot, elementwise, head, joined, tail
 from masmc_ros.params.declaration import Parameter, Values
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.formula_types import MechanismPosture

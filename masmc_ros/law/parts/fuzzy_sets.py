@@ -11,10 +11,10 @@ sets. Its output is the mean of the rules, weighted by the memberships of the pa
 
 from __future__ import annotations
 
-from masmc_ros.numerics.aliases import Array, Columns, Numbers
-from masmc_ros.numerics.compiled import formula, kernel
+from masmc_ros.aliases import Array, Columns, Numbers
+from masmc_ros.jit.compiled import formula, kernel
+from masmc_ros.jit.tuples import elementwise, from_index
 from masmc_ros.numerics.portable_math import exp
-from masmc_ros.numerics.tuples import elementwise, from_index
 
 FIVE = (-1.0, -0.5, 0.0, 0.5, 1.0)
 """Centres of the sets of each of two inputs."""

@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
+from masmc_ros.jit.compiled import formula
 from masmc_ros.law.parts.realisable import realisable
-from masmc_ros.numerics.compiled import formula
 
 
 @formula

@@ -10,12 +10,12 @@ v are the velocities of `robot.mechanism`, (joints) like forces and torques. Tas
 
 from __future__ import annotations
 
+from masmc_ros.aliases import Numbers
+from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.tuples import elementwise, matrix_times
 from masmc_ros.law.parts.surface import reference_acceleration
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Numbers
-from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.scalars import minus, plus, zero
-from masmc_ros.numerics.tuples import elementwise, matrix_times
 from masmc_ros.robot import mechanism
 
 STIFFNESS, DAMPING = 900.0, 60.0

@@ -10,10 +10,10 @@ results.
 
 from __future__ import annotations
 
+from masmc_ros.aliases import Numbers
+from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.tuples import elementwise
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Numbers
-from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.formula_types import MechanismRegressor
 

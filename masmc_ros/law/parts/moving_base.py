@@ -24,17 +24,17 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import NamedTuple
 
+from masmc_ros.aliases import Numbers
+from masmc_ros.jit.arrays import array_of, to_vector, write_part
+from masmc_ros.jit.compiled import formula, kernel
+from masmc_ros.jit.dispatch import by_tag, interface
+from masmc_ros.jit.field import Field
+from masmc_ros.jit.scratch import scratch
+from masmc_ros.jit.tuples import elementwise, unit
 from masmc_ros.law.fields import Memory, Settings
-from masmc_ros.numerics.aliases import Numbers
-from masmc_ros.numerics.arrays import array_of, to_vector, write_part
-from masmc_ros.numerics.compiled import formula, kernel
-from masmc_ros.numerics.dispatch import by_tag, interface
 from masmc_ros.numerics.elimination import solve_definite
-from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.portable_math import exp
 from masmc_ros.numerics.scalars import minus, moved, plus, selected, zero
-from masmc_ros.numerics.scratch import scratch
-from masmc_ros.numerics.tuples import elementwise, unit
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.plant_model.drives import lagging
 from masmc_ros.robot import mechanism

@@ -12,7 +12,7 @@ error, and an entry with an excess does not adapt.
 
 from __future__ import annotations
 
-from masmc_ros.numerics.compiled import formula
+from masmc_ros.jit.compiled import formula
 
 
 @formula

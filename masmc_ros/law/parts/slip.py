@@ -11,12 +11,12 @@ request ever more torque from a slipping wheel.
 
 from __future__ import annotations
 
+from masmc_ros.aliases import Numbers
+from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.tuples import dot, elementwise
 from masmc_ros.law.fields import Settings
 from masmc_ros.law.parts.velocity_estimator import MEASURED
-from masmc_ros.numerics.aliases import Numbers
-from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.scalars import minus
-from masmc_ros.numerics.tuples import dot, elementwise
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.formula_types import Lengths, MechanismPosture

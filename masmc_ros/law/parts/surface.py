@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
+from masmc_ros.jit.compiled import formula
 from masmc_ros.law.declared import PerEntry
-from masmc_ros.numerics.compiled import formula
 
 SIGMA = PerEntry('sigma', 'axes', 2.0, 'Slope sigma of the sliding surface', '1/s')
 

@@ -11,12 +11,12 @@ three are corrected by the measured angle. docs/theory/estimator.md has the equa
 
 from __future__ import annotations
 
+from masmc_ros.aliases import Numbers
+from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.field import Field
+from masmc_ros.jit.tuples import column, elementwise, tail
 from masmc_ros.law.fields import Memory, Settings
-from masmc_ros.numerics.aliases import Numbers
-from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.scalars import plus, zero
-from masmc_ros.numerics.tuples import column, elementwise, tail
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.formula_types import Lengths, MechanismPosture

@@ -22,19 +22,19 @@ from __future__ import annotations
 
 import math
 
+from masmc_ros.aliases import Array, Axes, Columns, Joints, Numbers
+from masmc_ros.jit.arrays import to_vector
+from masmc_ros.jit.compiled import formula, kernel
+from masmc_ros.jit.field import Field
+from masmc_ros.jit.tuples import elementwise, least, matrix_times, tail
 from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.parts.delay_compensation import horizon, is_on
 from masmc_ros.law.parts.inverse_dynamics import limited_acceleration
 from masmc_ros.law.parts.slip import backed_off, SLIP_BACKOFF
 from masmc_ros.law.reaching.reaching import GAINS, NEEDS_FULL, Reaching, SHORTCUT
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Array, Axes, Columns, Joints, Numbers
-from masmc_ros.numerics.arrays import to_vector
-from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.elimination import solve_definite
-from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.scalars import minus, moved, zero
-from masmc_ros.numerics.tuples import elementwise, least, matrix_times, tail
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 import numpy as np

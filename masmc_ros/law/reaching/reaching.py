@@ -9,14 +9,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from types import SimpleNamespace
 
+from masmc_ros.aliases import Axes, Joints
+from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.dispatch import by_tag, interface
+from masmc_ros.jit.field import Field
+from masmc_ros.jit.tuples import elementwise
 from masmc_ros.law.declared import Declared, PerEntry
 from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Axes, Joints
-from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.dispatch import by_tag, interface
-from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.params.declaration import Parameter
 
 K_S1 = PerEntry('k_s1', 'axes', 100.0, 'Gain K_s1 of the linear reaching term', 'N·s/m')

@@ -5,12 +5,12 @@
 
 from __future__ import annotations
 
+from masmc_ros.aliases import Axes
+from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.tuples import elementwise
 from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.reaching.reaching import BOUNDARY_LAYER, force_of, GAINS, Reaching
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Axes
-from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.tuples import elementwise
 
 
 @formula

@@ -13,6 +13,10 @@ exactly zero; dead zone, leak and bound prevent this.
 
 from __future__ import annotations
 
+from masmc_ros.aliases import Axes, Joints
+from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.field import Field
+from masmc_ros.jit.tuples import elementwise
 from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.law import Law
@@ -25,10 +29,6 @@ from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.reaching.reaching import BOUNDARY_LAYER, reaching_force
 from masmc_ros.law.reaching.saturation import saturation
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Axes, Joints
-from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.params.declaration import Parameter
 
 PARAMETERS = (

@@ -12,6 +12,10 @@ limited; otherwise it is the surface for which the law would request the limited
 
 from __future__ import annotations
 
+from masmc_ros.aliases import Axes, Joints, Numbers
+from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.field import Field
+from masmc_ros.jit.tuples import elementwise
 from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.law import Law
@@ -21,11 +25,7 @@ from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.sliding.super_twisting import applied, integrated, surface_rate
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Axes, Joints, Numbers
-from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.scalars import plus
-from masmc_ros.numerics.tuples import elementwise
 
 PARAMETERS = (
     SIGMA,

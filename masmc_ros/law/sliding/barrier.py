@@ -14,6 +14,10 @@ from __future__ import annotations
 
 import math
 
+from masmc_ros.aliases import Axes, Joints
+from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.field import Field
+from masmc_ros.jit.tuples import elementwise
 from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.law import Law
@@ -24,10 +28,6 @@ from masmc_ros.law.parts.realisable import realisable_part
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.reaching.sign import sign
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Axes, Joints
-from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.tuples import elementwise
 
 PARAMETERS = (
     SIGMA,

@@ -13,6 +13,9 @@ Hung, s' = -Q s - P sgn s; P must exceed the coupling. Reference [6] of the pape
 
 from __future__ import annotations
 
+from masmc_ros.aliases import Axes, Joints, Numbers
+from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.tuples import elementwise
 from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.fields import Memory
@@ -24,10 +27,7 @@ from masmc_ros.law.parts.surface import reference_acceleration, SIGMA
 from masmc_ros.law.reaching.reaching import BOUNDARY_LAYER, reaching_force
 from masmc_ros.law.reaching.saturation import saturation
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Axes, Joints, Numbers
-from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.scalars import plus, zero
-from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot import mechanism
 
 PARAMETERS = (

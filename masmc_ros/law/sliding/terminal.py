@@ -15,6 +15,9 @@ from __future__ import annotations
 
 import math
 
+from masmc_ros.aliases import Axes, Joints
+from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.tuples import elementwise
 from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.fields import Memory
@@ -24,9 +27,6 @@ from masmc_ros.law.parts.inverse_dynamics import acceleration_torque
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.reaching.sign import sign
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.aliases import Axes, Joints
-from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.tuples import elementwise
 
 PARAMETERS = (
     PerEntry('terminal.c_1', 'axes', 1.0, 'Coefficient c_1 of the square of the error', '1/m'),

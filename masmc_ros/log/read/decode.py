@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+from masmc_ros.aliases import Array, Stamps
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.contents import Topic
 from masmc_ros.messages import deserialised
@@ -29,7 +30,6 @@ from masmc_ros.messages.joint_state import FIELDS, joint_state_layout, JointStat
 from masmc_ros.messages.names import JOINTS
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.messages.telemetry import STAMP_NUMBERS, telemetry_layout, TelemetryCdr
-from masmc_ros.numerics.aliases import Array, Stamps
 import numpy as np
 from numpy.typing import NDArray
 

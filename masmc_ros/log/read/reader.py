@@ -11,8 +11,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import cast
 
+from masmc_ros.aliases import Array
 from masmc_ros.control.stamp_order import in_time, state_timeout
 from masmc_ros.errors import InputError
+from masmc_ros.jit.field import ONE
 from masmc_ros.log.bag import METADATA_FILE
 from masmc_ros.log.read import decode
 from masmc_ros.log.read.commanded_rates import twists
@@ -27,8 +29,6 @@ from masmc_ros.messages.parameter_record import ParameterRecord
 from masmc_ros.messages.string_message import text_of
 from masmc_ros.messages.telemetry import telemetry_count
 from masmc_ros.messages.topics import FLOAT_ARRAY, ODOMETRY, TOPICS, TWIST, TWIST_STAMPED
-from masmc_ros.numerics.aliases import Array
-from masmc_ros.numerics.field import ONE
 from masmc_ros.params.declaration import MutableValues
 from masmc_ros.robot.declaration import Mechanism, Quantity, URDF
 from masmc_ros.robot.joint_names import (

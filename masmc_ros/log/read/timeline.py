@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import cast, NamedTuple
 
+from masmc_ros.aliases import Array, Stamps
 from masmc_ros.messages.cdr_layout import NANOSECONDS
 from masmc_ros.messages.names import DERIVATIVES, TASK_AXES
 from masmc_ros.messages.reference_window import ReferenceWindow
-from masmc_ros.numerics.aliases import Array, Stamps
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -173,7 +173,7 @@ def _between(first: Array, second: Array, period: Array, part: Array) -> Array:
     """Interpolate between samples (n, 3, axes), `period` (n) s apart, at `part` (n) of the way."""
     # The controller's compiled function, on arrays. Imported here: logs of lock-step runs are on
     # the grid, and importing the compiler takes longer than reading such a log.
-    from masmc_ros.numerics.compiled import Formula
+    from masmc_ros.jit.compiled import Formula
     from masmc_ros.numerics.hermite import quintic
 
     # It scales its arguments in place.

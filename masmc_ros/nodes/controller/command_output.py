@@ -9,11 +9,11 @@ from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from geometry_msgs.msg import Twist, TwistStamped
+from masmc_ros.aliases import Array
 from masmc_ros.loop.controller import Controller
 from masmc_ros.messages.commands import ARM_VELOCITY, CommandWriter, EFFORT
 from masmc_ros.messages.names import ARM_VELOCITY_TOPIC, CMD_VEL_TOPIC, COMMAND_TOPIC
 from masmc_ros.messages.platform_messages import TwistCdr, TwistStampedCdr
-from masmc_ros.numerics.aliases import Array
 from masmc_ros.params.declaration import Values
 from masmc_ros.robot.joint_names import check_frame_prefix
 import numpy as np

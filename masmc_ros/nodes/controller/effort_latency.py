@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from masmc_ros.aliases import Array
 from masmc_ros.identification.effort_echo import (
     compile_echo,
     echo_text,
@@ -15,7 +16,6 @@ from masmc_ros.identification.effort_echo import (
 from masmc_ros.identification.latency_fit import LatencyFit
 from masmc_ros.loop.controller import Controller
 from masmc_ros.nodes.controller.background import Background
-from masmc_ros.numerics.aliases import Array
 
 
 class EffortEcho:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 import time
 
+from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES
 from masmc_ros.messages.cdr_layout import checked_stamp, UNREAD
@@ -19,7 +20,6 @@ from masmc_ros.nodes.middleware.messages import deserialized
 from masmc_ros.nodes.middleware.past import subscribe_with_past
 from masmc_ros.nodes.middleware.raw_types import raw_class
 from masmc_ros.nodes.process.rejected_messages import RejectedMessages
-from masmc_ros.numerics.aliases import Array
 from masmc_ros.params.declaration import Values
 from masmc_ros.robot.base_pose import BasePose, OLDEST_POSE_NS
 from masmc_ros.robot.dead_reckoning import DeadReckoning

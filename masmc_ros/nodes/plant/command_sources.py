@@ -10,6 +10,7 @@ import math
 from typing import NamedTuple
 
 from geometry_msgs.msg import Twist, TwistStamped
+from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError
 from masmc_ros.messages import deserialised
 from masmc_ros.messages.cdr_layout import checked_stamp
@@ -19,7 +20,6 @@ from masmc_ros.messages.platform_messages import twist_numbers, TwistCdr, TwistS
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.messages.topics import FLOAT_ARRAY, TWIST, TWIST_STAMPED
 from masmc_ros.nodes.middleware.messages import deserialized
-from masmc_ros.numerics.aliases import Array
 from masmc_ros.plant.latest_command import CommandPart
 from masmc_ros.robot.declaration import Velocity
 import numpy as np

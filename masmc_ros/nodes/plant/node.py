@@ -12,6 +12,7 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
+from masmc_ros.aliases import Array
 from masmc_ros.control.actions import Failure, Line, Wait
 from masmc_ros.errors import InputError
 from masmc_ros.loop.simulated_robot import plant_of
@@ -26,7 +27,6 @@ from masmc_ros.nodes.process.command_line import CommandLine
 from masmc_ros.nodes.process.diagnostics import Health, publish_health
 from masmc_ros.nodes.process.rejected_messages import RejectedMessages
 from masmc_ros.nodes.process.runtime import run
-from masmc_ros.numerics.aliases import Array
 from masmc_ros.plant.latest_command import CommandPart, Commands
 from masmc_ros.plant.lockstep import LockStep
 from masmc_ros.plant.plant_core import (

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from masmc_ros.errors import InputError
+from masmc_ros.jit.compiled import bound
 from masmc_ros.log.traced_paths import ActualPath
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.names import ACTUAL_PATH_TOPIC, DESCRIPTION_TOPIC
@@ -14,7 +15,6 @@ from masmc_ros.messages.topics import TRANSFORMS, transforms_topic
 from masmc_ros.messages.transforms import TransformsCdr
 from masmc_ros.nodes.middleware.raw_types import raw_class
 from masmc_ros.nodes.process.base import SuiteNode
-from masmc_ros.numerics.compiled import bound
 from masmc_ros.params.declaration import MutableValues
 from masmc_ros.robot.joint_names import check_frame_prefix
 from masmc_ros.robot.robot import robot_description, robot_of

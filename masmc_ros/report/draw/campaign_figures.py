@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 import math
 from typing import NamedTuple
 
-from masmc_ros.numerics.aliases import AnyArray, Array
+from masmc_ros.aliases import AnyArray, Array
 from masmc_ros.report.draw.style import (
     BLACK,
     BLUE,

@@ -10,9 +10,9 @@ from dataclasses import dataclass, field, fields
 import math
 from typing import Any, NamedTuple
 
+from masmc_ros.aliases import Array
 from masmc_ros.log.read.reader import Run
 from masmc_ros.loop.signals import largest_slip, least_normal_force
-from masmc_ros.numerics.aliases import Array
 from masmc_ros.report.measure.parameters import run_changes
 from masmc_ros.report.measure.settling import settling_time
 from masmc_ros.report.measure.tracking import Tracking, tracking

@@ -9,12 +9,12 @@ from collections.abc import Mapping, Sequence
 import math
 from typing import NamedTuple
 
+from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError
 from masmc_ros.law.command_interface import takes_rates
 from masmc_ros.loop.batch_simulation import BatchSimulation
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.timing import Timing
-from masmc_ros.numerics.aliases import Array
 from masmc_ros.params.declaration import Values
 from masmc_ros.report.measure.metrics import Metrics, Reached, Samples, second_half
 from masmc_ros.report.measure.settling import BAND, FLOOR, settled_after

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-from masmc_ros.numerics.aliases import Array
+from masmc_ros.aliases import Array
 import numpy as np
 
 BAND = 0.02

@@ -8,8 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from masmc_ros.aliases import Array
 from masmc_ros.log.read.reader import Run
-from masmc_ros.numerics.aliases import Array
 from masmc_ros.report.measure.parameters import run_robot
 from masmc_ros.robot.declaration import Point
 import numpy as np

@@ -8,7 +8,7 @@ from __future__ import annotations
 import base64
 import zlib
 
-from masmc_ros.numerics.aliases import AnyArray, Array
+from masmc_ros.aliases import AnyArray, Array
 import numpy as np
 
 MOST = 200_000

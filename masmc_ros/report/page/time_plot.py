@@ -10,7 +10,7 @@ from html import escape
 from itertools import groupby
 import math
 
-from masmc_ros.numerics.aliases import Array
+from masmc_ros.aliases import Array
 from masmc_ros.report.measure.parameters import Change, change_texts
 from masmc_ros.report.page.packed_samples import packed_signal
 from masmc_ros.report.panels import INK, logarithmic_range, Panel

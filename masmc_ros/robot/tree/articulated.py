@@ -13,13 +13,13 @@ triangles, and B between them by rows. It takes (omega, v) to (moment, force).
 
 from __future__ import annotations
 
-from masmc_ros.numerics.aliases import Array
-from masmc_ros.numerics.arrays import read_part, write_part
-from masmc_ros.numerics.compiled import formula, kernel
+from masmc_ros.aliases import Array
+from masmc_ros.jit.arrays import read_part, write_part
+from masmc_ros.jit.compiled import formula, kernel
+from masmc_ros.jit.scratch import scratch
+from masmc_ros.jit.tuples import elementwise
 from masmc_ros.numerics.elimination import factor, solve
 from masmc_ros.numerics.scalars import minus, plus
-from masmc_ros.numerics.scratch import scratch
-from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot.tree.dynamics import moments_about_base
 from masmc_ros.robot.tree.kinematics import crossed, Posture, power, write_velocity
 from masmc_ros.robot.tree.spatial import (

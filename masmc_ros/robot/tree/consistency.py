@@ -9,9 +9,9 @@ It is for adaptation with independent parameters; `natural_adaptation` preserves
 
 from __future__ import annotations
 
-from masmc_ros.numerics.aliases import Numbers
-from masmc_ros.numerics.compiled import formula, kernel
-from masmc_ros.numerics.tuples import from_index
+from masmc_ros.aliases import Numbers
+from masmc_ros.jit.compiled import formula, kernel
+from masmc_ros.jit.tuples import from_index
 from masmc_ros.robot.tree.spatial import PER_BODY
 from masmc_ros.robot.tree.tree_model import bodies_of, TreeModel
 import numpy as np

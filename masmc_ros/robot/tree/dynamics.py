@@ -11,10 +11,10 @@ C(nu) nu_r + g with Hdot - 2 C skew-symmetric, linear in the inertial parameters
 
 from __future__ import annotations
 
-from masmc_ros.numerics.aliases import Array
-from masmc_ros.numerics.arrays import read_along, read_part, write_along, write_part
-from masmc_ros.numerics.compiled import formula, kernel
-from masmc_ros.numerics.scratch import scratch
+from masmc_ros.aliases import Array
+from masmc_ros.jit.arrays import read_along, read_part, write_along, write_part
+from masmc_ros.jit.compiled import formula, kernel
+from masmc_ros.jit.scratch import scratch
 from masmc_ros.robot.tree.kinematics import (
     base_motion,
     crossed,

@@ -13,15 +13,15 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from masmc_ros.numerics.aliases import Array, Numbers
-from masmc_ros.numerics.arrays import array_of, changeable, to_vector
-from masmc_ros.numerics.compiled import formula, kernel
+from masmc_ros.aliases import Array, Numbers
+from masmc_ros.jit.arrays import array_of, changeable, to_vector
+from masmc_ros.jit.compiled import formula, kernel
+from masmc_ros.jit.lanes import in_place, part_in_place
+from masmc_ros.jit.scratch import copy_into, scratch
+from masmc_ros.jit.tuples import elementwise, joined
 from masmc_ros.numerics.elimination import factor, solve
-from masmc_ros.numerics.lanes import in_place, part_in_place
 from masmc_ros.numerics.portable_math import sin_cos
 from masmc_ros.numerics.scalars import minus, zero
-from masmc_ros.numerics.scratch import copy_into, scratch
-from masmc_ros.numerics.tuples import elementwise, joined
 from masmc_ros.robot.formula_types import HasGeometry, LawSettings
 from masmc_ros.robot.gradient_step import gradient_step
 from masmc_ros.robot.tree import dynamics

@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from masmc_ros.numerics.aliases import Array
-from masmc_ros.numerics.compiled import formula, kernel
+from masmc_ros.aliases import Array
+from masmc_ros.jit.compiled import formula, kernel
 from masmc_ros.numerics.portable_math import sin_cos
 from masmc_ros.robot.tree.spatial import inner, Rotation, Vector
 from masmc_ros.robot.tree.task.rotation_vector import vector_of

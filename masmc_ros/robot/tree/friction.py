@@ -15,9 +15,9 @@ from __future__ import annotations
 
 import math
 
-from masmc_ros.numerics.aliases import Array
-from masmc_ros.numerics.compiled import formula, kernel
-from masmc_ros.numerics.scratch import copy_into, scratch
+from masmc_ros.aliases import Array
+from masmc_ros.jit.compiled import formula, kernel
+from masmc_ros.jit.scratch import copy_into, scratch
 from masmc_ros.robot.tree.spatial import PER_BODY
 from masmc_ros.robot.tree.tree_model import bodies_of, TreeModel
 from masmc_ros.robot.tree.wheels import into_base, into_wheels

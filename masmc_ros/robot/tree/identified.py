@@ -8,8 +8,8 @@ from __future__ import annotations
 from typing import cast
 import xml.etree.ElementTree as ElementTree
 
+from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError
-from masmc_ros.numerics.aliases import Array
 from masmc_ros.params.declaration import MutableValues
 from masmc_ros.robot.declaration import URDF
 from masmc_ros.robot.robot import Robot

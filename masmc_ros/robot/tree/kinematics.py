@@ -18,11 +18,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from masmc_ros.numerics.aliases import Array
-from masmc_ros.numerics.arrays import read_part, split_buffer, write_part
-from masmc_ros.numerics.compiled import formula, kernel
+from masmc_ros.aliases import Array
+from masmc_ros.jit.arrays import read_part, split_buffer, write_part
+from masmc_ros.jit.compiled import formula, kernel
+from masmc_ros.jit.scratch import clear, scratch
 from masmc_ros.numerics.portable_math import padded, sin_cos, write_sines_and_cosines
-from masmc_ros.numerics.scratch import clear, scratch
 from masmc_ros.robot.tree.spatial import (
     add,
     cross,

@@ -18,12 +18,12 @@ from __future__ import annotations
 
 import math
 
-from masmc_ros.numerics.aliases import Numbers
-from masmc_ros.numerics.arrays import array_of, read_down, to_vector, write_down
-from masmc_ros.numerics.compiled import formula, kernel
+from masmc_ros.aliases import Numbers
+from masmc_ros.jit.arrays import array_of, read_down, to_vector, write_down
+from masmc_ros.jit.compiled import formula, kernel
+from masmc_ros.jit.scratch import clear, copy_into, scratch
+from masmc_ros.jit.tuples import dot, elementwise, matrix_times
 from masmc_ros.numerics.portable_math import AT_ONCE
-from masmc_ros.numerics.scratch import clear, copy_into, scratch
-from masmc_ros.numerics.tuples import dot, elementwise, matrix_times
 from masmc_ros.robot.tree.friction import adapt_friction
 from masmc_ros.robot.tree.spatial import MOMENTS, Moments, PER_BODY
 from masmc_ros.robot.tree.tree_model import bodies_of, TreeModel

@@ -14,7 +14,7 @@ Slotine, 2018).
 
 from __future__ import annotations
 
-from masmc_ros.numerics.compiled import formula
+from masmc_ros.jit.compiled import formula
 
 Vector = tuple[float, float, float]
 Rotation = tuple[float, float, float, float, float, float, float, float, float]

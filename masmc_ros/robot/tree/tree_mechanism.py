@@ -11,10 +11,10 @@ from functools import cached_property, lru_cache
 from types import SimpleNamespace
 import xml.etree.ElementTree as ElementTree
 
+from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError, suggestion
-from masmc_ros.numerics.aliases import Array
-from masmc_ros.numerics.record import AT_RUN_TIME
-from masmc_ros.numerics.tuples import LONGEST
+from masmc_ros.jit.record import AT_RUN_TIME
+from masmc_ros.jit.tuples import LONGEST
 from masmc_ros.params.declaration import MutableValues, Parameter, Value, Values
 from masmc_ros.robot.declaration import (
     Coordinate,

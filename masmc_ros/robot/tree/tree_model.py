@@ -13,10 +13,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from masmc_ros.numerics.aliases import Array
-from masmc_ros.numerics.arrays import read_along
-from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.tuples import elementwise
+from masmc_ros.aliases import Array
+from masmc_ros.jit.arrays import read_along
+from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.tuples import elementwise
 from masmc_ros.robot.tree.spatial import ROTATION, Rotation, VECTOR, Vector
 import numpy as np
 from numpy.typing import ArrayLike, NDArray

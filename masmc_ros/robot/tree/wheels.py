@@ -18,9 +18,9 @@ from dataclasses import dataclass
 import math
 from typing import NamedTuple
 
+from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError
-from masmc_ros.numerics.aliases import Array
-from masmc_ros.numerics.compiled import formula, kernel
+from masmc_ros.jit.compiled import formula, kernel
 from masmc_ros.numerics.elimination import factor, solve
 from masmc_ros.numerics.portable_math import sin_cos
 from masmc_ros.robot.tree.spatial import Vector

@@ -20,7 +20,7 @@ a half-space that contains the whole set.
 
 from __future__ import annotations
 
-from masmc_ros.numerics.compiled import formula
+from masmc_ros.jit.compiled import formula
 from masmc_ros.robot.two_link.dynamics import BaseParameters
 from masmc_ros.robot.two_link.geometry import Geometry
 

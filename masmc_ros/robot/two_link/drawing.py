@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-from masmc_ros.numerics.aliases import Array
+from masmc_ros.aliases import Array
 from masmc_ros.robot.declaration import Outline, Shape
 from masmc_ros.robot.two_link.geometry import Geometry
 import numpy as np

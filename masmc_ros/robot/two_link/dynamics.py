@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from masmc_ros.numerics.compiled import formula
+from masmc_ros.jit.compiled import formula
 from masmc_ros.robot.two_link.geometry import Geometry, Posture
 
 Quad = tuple[float, float, float, float]

@@ -12,8 +12,8 @@ in the elbow, and `end_effector` in E. Their x and y are those of (1).
 
 from __future__ import annotations
 
-from masmc_ros.numerics.aliases import Array
-from masmc_ros.numerics.compiled import kernel
+from masmc_ros.aliases import Array
+from masmc_ros.jit.compiled import kernel
 from masmc_ros.numerics.portable_math import sin_cos
 from masmc_ros.robot.two_link.geometry import Geometry
 from masmc_ros.robot.two_link.paper_robot import FRAMES

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from masmc_ros.numerics.compiled import formula
+from masmc_ros.jit.compiled import formula
 from masmc_ros.numerics.portable_math import sines_and_cosines
 
 

@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
+from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError
-from masmc_ros.numerics.aliases import Array
 from masmc_ros.params.declaration import MutableValues
 from masmc_ros.robot.robot import Robot
 from masmc_ros.robot.two_link.dynamics import BaseParameters

@@ -12,7 +12,7 @@ each in closed form.
 
 from __future__ import annotations
 
-from masmc_ros.numerics.compiled import formula
+from masmc_ros.jit.compiled import formula
 from masmc_ros.robot.two_link.geometry import Geometry, Posture
 
 SINGULAR_SINE = 0.02

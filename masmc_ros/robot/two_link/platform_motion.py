@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
-from masmc_ros.numerics.aliases import Array
-from masmc_ros.numerics.compiled import kernel
+from masmc_ros.aliases import Array
+from masmc_ros.jit.compiled import kernel
 from masmc_ros.numerics.portable_math import sin_cos
 import numpy as np
 from numpy.typing import NDArray

@@ -18,10 +18,10 @@ from __future__ import annotations
 
 import math
 
-from masmc_ros.numerics.aliases import Array, Records
-from masmc_ros.numerics.compiled import formula, kernel
+from masmc_ros.aliases import Array, Records
+from masmc_ros.jit.compiled import formula, kernel
+from masmc_ros.jit.lanes import lane_of
 from masmc_ros.numerics.hermite import quintic
-from masmc_ros.numerics.lanes import lane_of
 from masmc_ros.numerics.limits import clipped
 from masmc_ros.numerics.portable_math import angle_of, sin_cos
 from masmc_ros.robot import mechanism

@@ -10,7 +10,7 @@ both arm joints; `motion` are the quasi-velocities (u, w, A, B) of this folder's
 
 from __future__ import annotations
 
-from masmc_ros.numerics.compiled import formula
+from masmc_ros.jit.compiled import formula
 from masmc_ros.numerics.portable_math import sin_cos
 from masmc_ros.robot.formula_types import HasGeometry
 from masmc_ros.robot.forward_dynamics import joint_accelerations

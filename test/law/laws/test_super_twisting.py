@@ -10,6 +10,8 @@ from typing import Any
 
 from helpers.law_bench import at_random, run, tick
 from helpers.robots import Array
+from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.tuples import elementwise
 from masmc_ros.law import registry
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts.inverse_dynamics import surface_torque
@@ -21,8 +23,6 @@ from masmc_ros.law.sliding.super_twisting import (
     surface_rate,
 )
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.tuples import elementwise
 import numpy as np
 import pytest
 

@@ -21,10 +21,10 @@ LONGEST_LIMITED. Noise alone drives torques from one limit to the other.
 
 from __future__ import annotations
 
-from masmc_ros.numerics.aliases import Numbers
-from masmc_ros.numerics.compiled import formula, kernel
+from masmc_ros.aliases import Numbers
+from masmc_ros.jit.compiled import formula, kernel
+from masmc_ros.jit.tuples import dot, elementwise, least
 from masmc_ros.numerics.scalars import minus
-from masmc_ros.numerics.tuples import dot, elementwise, least
 from masmc_ros.robot.formula_types import LawMemory, LawSettings
 from masmc_ros.robot.tree.kinematics import Posture
 from masmc_ros.robot.tree.task.redundancy import motion_from_task

@@ -15,7 +15,7 @@ from string import ascii_uppercase
 from typing import NamedTuple
 
 from masmc_ros.errors import InputError, suggestion
-from masmc_ros.numerics.tuples import LONGEST
+from masmc_ros.jit.tuples import LONGEST
 from masmc_ros.robot.declaration import Coordinate, Point, Quantity
 
 OUTPUTS = {

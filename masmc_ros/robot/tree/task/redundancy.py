@@ -21,12 +21,12 @@ therefore damped before a joint speed of about 1 / DAMPED_TIME, in rad/s or m/s.
 
 from __future__ import annotations
 
-from masmc_ros.numerics.aliases import Array, Columns, Numbers
-from masmc_ros.numerics.arrays import array_of, changeable, to_vector
-from masmc_ros.numerics.compiled import formula, kernel
+from masmc_ros.aliases import Array, Columns, Numbers
+from masmc_ros.jit.arrays import array_of, changeable, to_vector
+from masmc_ros.jit.compiled import formula, kernel
+from masmc_ros.jit.scratch import clear, copy_into, scratch
+from masmc_ros.jit.tuples import from_index
 from masmc_ros.numerics.elimination import factor, solve
-from masmc_ros.numerics.scratch import clear, copy_into, scratch
-from masmc_ros.numerics.tuples import from_index
 from masmc_ros.robot.tree.dynamics import write_inertia
 from masmc_ros.robot.tree.kinematics import joint_position, Posture
 from masmc_ros.robot.tree.task.task import write_task_jacobian, write_task_jacobian_rate

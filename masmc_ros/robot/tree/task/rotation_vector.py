@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 
-from masmc_ros.numerics.compiled import formula
+from masmc_ros.jit.compiled import formula
 from masmc_ros.numerics.portable_math import angle_of, sin_cos
 from masmc_ros.robot.tree.spatial import add, cross, inner, Rotation, scale, Vector
 

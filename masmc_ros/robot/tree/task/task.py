@@ -12,12 +12,12 @@ velocities are the origins' in m/s, the angular velocities in rad/s and the join
 
 from __future__ import annotations
 
-from masmc_ros.numerics.aliases import Array, Numbers
-from masmc_ros.numerics.arrays import array_of, read_part, to_vector, write_part
-from masmc_ros.numerics.compiled import formula, kernel
+from masmc_ros.aliases import Array, Numbers
+from masmc_ros.jit.arrays import array_of, read_part, to_vector, write_part
+from masmc_ros.jit.compiled import formula, kernel
+from masmc_ros.jit.scratch import clear, scratch
+from masmc_ros.jit.tuples import elementwise, from_index
 from masmc_ros.numerics.scalars import minus
-from masmc_ros.numerics.scratch import clear, scratch
-from masmc_ros.numerics.tuples import elementwise, from_index
 from masmc_ros.robot.mechanism import Tracking
 from masmc_ros.robot.tree.kinematics import (
     add_point_forces,

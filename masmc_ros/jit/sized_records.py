@@ -19,9 +19,9 @@ import operator
 from typing import Any
 import zlib
 
-from masmc_ros.numerics.aliases import Records
-from masmc_ros.numerics.generated import Builder, Compiler, IrValue, IrValues, Type, Types
-from masmc_ros.numerics.vectors import workspace_of_function
+from masmc_ros.aliases import Records
+from masmc_ros.jit.generated import Builder, Compiler, IrValue, IrValues, Type, Types
+from masmc_ros.jit.vectors import workspace_of_function
 from numba import typeof, types
 from numba.core import cgutils
 from numba.core.datamodel.manager import DataModelManager

@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any, TYPE_CHECKING, TypeAlias
 
-from masmc_ros.numerics.aliases import Function
+from masmc_ros.aliases import Function
 from numba.core import types
 from numba.core.typing.templates import AbstractTemplate, infer_global, Signature, signature
 from numba.extending import lower_builtin

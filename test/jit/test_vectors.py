@@ -8,18 +8,18 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from masmc_ros.numerics.arrays import (
+from masmc_ros.jit.arrays import (
     array_of,
     read_down,
     read_part,
     to_vector,
     write_part,
 )
-from masmc_ros.numerics.compiled import formula, kernel
-from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.lanes import lane_of
-from masmc_ros.numerics.record import new_record
-from masmc_ros.numerics.tuples import dot, elementwise, from_index, LONGEST, unit
+from masmc_ros.jit.compiled import formula, kernel
+from masmc_ros.jit.field import Field
+from masmc_ros.jit.lanes import lane_of
+from masmc_ros.jit.record import new_record
+from masmc_ros.jit.tuples import dot, elementwise, from_index, LONGEST, unit
 import numpy as np
 import pytest
 

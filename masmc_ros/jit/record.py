@@ -19,9 +19,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from masmc_ros.numerics.aliases import Flags, Record, Records
-from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.generated import (
+from masmc_ros.aliases import Flags, Record, Records
+from masmc_ros.jit.field import Field
+from masmc_ros.jit.generated import (
     Builder,
     Compiler,
     generated,
@@ -30,7 +30,7 @@ from masmc_ros.numerics.generated import (
     Type,
     Types,
 )
-from masmc_ros.numerics.sized_records import (
+from masmc_ros.jit.sized_records import (
     CONSTANT,
     copy_numbers,
     copy_of_record,

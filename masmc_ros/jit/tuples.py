@@ -16,9 +16,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-from masmc_ros.numerics import vectors
-from masmc_ros.numerics.aliases import Array, Columns, Function, Numbers
-from masmc_ros.numerics.generated import (
+from masmc_ros.aliases import Array, Columns, Function, Numbers
+from masmc_ros.jit import vectors
+from masmc_ros.jit.generated import (
     called,
     Compiler,
     generated,
@@ -29,7 +29,7 @@ from masmc_ros.numerics.generated import (
     Types,
     TypingContext,
 )
-from masmc_ros.numerics.vectors import MatrixType, NUMBERS, short_loop, VectorType
+from masmc_ros.jit.vectors import MatrixType, NUMBERS, short_loop, VectorType
 from numba import types
 from numba.core import cgutils
 import numpy as np

@@ -10,11 +10,11 @@ import gc
 import time
 from typing import Any
 
-from masmc_ros.numerics.aliases import Records
-from masmc_ros.numerics.compiled import bound, is_loaded, kernel
-from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.lanes import lane_of
-from masmc_ros.numerics.record import copied, copy_to, lane_count, new_record
+from masmc_ros.aliases import Records
+from masmc_ros.jit.compiled import bound, is_loaded, kernel
+from masmc_ros.jit.field import Field
+from masmc_ros.jit.lanes import lane_of
+from masmc_ros.jit.record import copied, copy_to, lane_count, new_record
 import numba
 from numba.core import event
 import pytest

@@ -25,8 +25,8 @@ import sys
 import sysconfig
 from types import ModuleType
 
-from masmc_ros.numerics.generated import Type, Types
-from masmc_ros.numerics.sized_records import TAG
+from masmc_ros.jit.generated import Type, Types
+from masmc_ros.jit.sized_records import TAG
 from numba import __version__ as numba_version
 from numba import types
 
@@ -34,7 +34,7 @@ _PACKAGE = Path(__file__).parents[1]
 
 _OWN = str(_PACKAGE) + os.sep
 
-_FOLDERS = ('numerics', 'robot', 'plant_model', 'law', 'reference', 'loop')
+_FOLDERS = ('jit', 'numerics', 'robot', 'plant_model', 'law', 'reference', 'loop')
 """Folders of the package that contain compiled code."""
 
 _WITHOUT_FORMULAS = ('params',)
@@ -110,7 +110,7 @@ def closure(roots: Iterable[str]) -> set[str]:
 @cache
 def _extensions() -> tuple[str, ...]:
     """Return the files of the package that extend Numba: types of theirs reach all code."""
-    folder = str(_PACKAGE / 'numerics') + os.sep
+    folder = str(_PACKAGE / 'jit') + os.sep
     return tuple(
         path for path, text in _contents.items()
         if path.startswith(folder) and '\nfrom numba' in text

@@ -30,13 +30,13 @@ from threading import local
 from types import FunctionType
 from typing import Any, cast
 
+from masmc_ros.aliases import AnyFunction, Function
 from masmc_ros.errors import UserError
-from masmc_ros.numerics.aliases import AnyFunction, Function
-from masmc_ros.numerics.code_files import CodeFiles, Key
-from masmc_ros.numerics.compiler_errors import COMPILER_ERRORS, explained
-from masmc_ros.numerics.sized_records import has_sized_records, type_of
-from masmc_ros.numerics.sources import digest, files_of_types, remember
-from masmc_ros.numerics.supported_numba import FIRST_UNSUPPORTED, OLDEST
+from masmc_ros.jit.code_files import CodeFiles, Key
+from masmc_ros.jit.compiler_errors import COMPILER_ERRORS, explained
+from masmc_ros.jit.sized_records import has_sized_records, type_of
+from masmc_ros.jit.sources import digest, files_of_types, remember
+from masmc_ros.jit.supported_numba import FIRST_UNSUPPORTED, OLDEST
 from masmc_ros.user_folder import runtime_folder
 from numba import __version__ as numba_version
 from numba import config, njit

@@ -17,9 +17,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from masmc_ros.numerics import vectors
-from masmc_ros.numerics.aliases import AnyArray, Array, Numbers, Record
-from masmc_ros.numerics.generated import (
+from masmc_ros.aliases import AnyArray, Array, Numbers, Record
+from masmc_ros.jit import vectors
+from masmc_ros.jit.generated import (
     Builder,
     CodeContext,
     Compiler,
@@ -30,16 +30,16 @@ from masmc_ros.numerics.generated import (
     Types,
     TypingContext,
 )
-from masmc_ros.numerics.scratch import array_over
-from masmc_ros.numerics.sized_records import (
+from masmc_ros.jit.scratch import array_over
+from masmc_ros.jit.sized_records import (
     count_of_field,
     is_vector,
     number_of,
     SizedRecordType,
     start_of_field,
 )
-from masmc_ros.numerics.tuples import entry_place, is_array, LONGEST, new_vector, VECTOR
-from masmc_ros.numerics.vectors import VectorType
+from masmc_ros.jit.tuples import entry_place, is_array, LONGEST, new_vector, VECTOR
+from masmc_ros.jit.vectors import VectorType
 from numba import types
 from numba.core import cgutils
 from numba.core.datamodel.manager import DataModelManager

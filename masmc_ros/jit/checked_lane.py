@@ -10,12 +10,12 @@ from contextlib import suppress
 import dis
 from types import CodeType, FunctionType
 
+from masmc_ros.aliases import AnyArray, Record
 from masmc_ros.errors import suggestion
+from masmc_ros.jit.compiled import Formula, is_interpreted, machine_code
+from masmc_ros.jit.generated import is_generated
+from masmc_ros.jit.lanes import Lane
 from masmc_ros.mistakes import MistakeError
-from masmc_ros.numerics.aliases import AnyArray, Record
-from masmc_ros.numerics.compiled import Formula, is_interpreted, machine_code
-from masmc_ros.numerics.generated import is_generated
-from masmc_ros.numerics.lanes import Lane
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -16,8 +16,8 @@ from collections.abc import Callable
 from functools import wraps
 from typing import Any, cast
 
-from masmc_ros.numerics.aliases import AnyFunction, Function
-from masmc_ros.numerics.generated import (
+from masmc_ros.aliases import AnyFunction, Function
+from masmc_ros.jit.generated import (
     called,
     Compiler,
     generated,
@@ -27,9 +27,9 @@ from masmc_ros.numerics.generated import (
     Types,
     TypingContext,
 )
-from masmc_ros.numerics.lanes import LaneType
-from masmc_ros.numerics.record import tag_of
-from masmc_ros.numerics.sources import SELECTED_BY_CLASS, SELECTED_BY_TAG
+from masmc_ros.jit.lanes import LaneType
+from masmc_ros.jit.record import tag_of
+from masmc_ros.jit.sources import SELECTED_BY_CLASS, SELECTED_BY_TAG
 from numba import types
 
 Finder = Callable[[Any], object]

@@ -15,8 +15,8 @@ Numbers = tuple[float, ...]
 """
 Vector in a formula: one number per joint, task axis or inertial parameter.
 
-Compiled code has a tuple of up to `numerics.tuples.LONGEST` numbers, and an array of more. Of
-robots described by a URDF it has vectors of any length (`numerics.vectors`).
+Compiled code has a tuple of up to `jit.tuples.LONGEST` numbers, and an array of more. Of
+robots described by a URDF it has vectors of any length (`jit.vectors`).
 """
 
 Axes = Numbers
@@ -56,7 +56,7 @@ AnyFunction = TypeVar('AnyFunction', bound=Function)
 """Function whose decorator keeps its type."""
 
 Record = np.void
-"""One record with all of its lanes, an entry of `Records` (`numerics.record`)."""
+"""One record with all of its lanes, an entry of `Records` (`jit.record`)."""
 
 Records = NDArray[np.void]
 """Array of records; settings, memory and signals are arrays of one record."""

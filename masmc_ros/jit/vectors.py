@@ -21,7 +21,7 @@ from contextlib import contextmanager
 import operator
 
 from masmc_ros.errors import InputError
-from masmc_ros.numerics.generated import (
+from masmc_ros.jit.generated import (
     Builder,
     Compiler,
     generated,

@@ -10,9 +10,9 @@ multiplications. A function may pass its array to other functions, but neither r
 
 from __future__ import annotations
 
-from masmc_ros.numerics.aliases import Array
-from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.generated import (
+from masmc_ros.aliases import Array
+from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.generated import (
     Compiler,
     generated,
     IrValue,
@@ -21,7 +21,7 @@ from masmc_ros.numerics.generated import (
     Types,
     TypingContext,
 )
-from masmc_ros.numerics.tuples import FLOAT
+from masmc_ros.jit.tuples import FLOAT
 from numba import types
 from numba.core import cgutils
 import numpy as np

@@ -11,7 +11,7 @@ from pathlib import Path
 import subprocess
 import sys
 
-from masmc_ros.numerics.code_files import _VERSIONS, CodeFiles
+from masmc_ros.jit.code_files import _VERSIONS, CodeFiles
 import pytest
 
 PROCESSES = 6
@@ -19,7 +19,7 @@ PROCESSES = 6
 SOURCE = """
 import sys, time
 from pathlib import Path
-from masmc_ros.numerics.compiled import kernel
+from masmc_ros.jit.compiled import kernel
 
 @kernel
 def total(values):

@@ -12,10 +12,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import cast, TypeVar
 
-from masmc_ros.numerics import vectors
-from masmc_ros.numerics.aliases import Array, Columns, Function, Numbers
-from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.generated import (
+from masmc_ros.aliases import Array, Columns, Function, Numbers
+from masmc_ros.jit import vectors
+from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.generated import (
     Compiler,
     generated,
     IrValue,
@@ -24,9 +24,9 @@ from masmc_ros.numerics.generated import (
     Types,
     TypingContext,
 )
-from masmc_ros.numerics.scratch import array_over, CACHE_LINE
-from masmc_ros.numerics.tuples import FLOAT, is_array, MATRIX, VECTOR
-from masmc_ros.numerics.vectors import short_loop, VectorType
+from masmc_ros.jit.scratch import array_over, CACHE_LINE
+from masmc_ros.jit.tuples import FLOAT, is_array, MATRIX, VECTOR
+from masmc_ros.jit.vectors import short_loop, VectorType
 from numba import types
 from numba.core import cgutils
 from numba.core.imputils import impl_ret_borrowed

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import struct
 
-from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.generated import Compiler, generated, IrValue, IrValues, Types
+from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.generated import Compiler, generated, IrValue, IrValues, Types
 from numba import types
 
 _WORD = 0xFFFFFFFFFFFFFFFF

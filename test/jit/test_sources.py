@@ -15,10 +15,10 @@ import sys
 
 from helpers.child_environment import child_environment
 from helpers.small_tree import parameters
+from masmc_ros.jit import sources
+from masmc_ros.jit.sized_records import type_of
 from masmc_ros.law.registry import LAWS
 from masmc_ros.loop.preparation import code_of_law
-from masmc_ros.numerics import sources
-from masmc_ros.numerics.sized_records import type_of
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.tree.tree_mechanism import tree_mechanism
 from masmc_ros.robot.two_link.paper_robot import TWO_LINK
@@ -65,7 +65,7 @@ def test_sources_of_tick_are_those_of_law_term_and_robot() -> None:
     assert 'law/reaching/tanh.py' in used(TWO_LINK, 'rasmc', 'tanh') - laws['rasmc']
     assert 'robot/two_link/two_link.py' in laws['pid'] - used(tree, 'pid')
     assert 'robot/tree/articulated.py' in used(tree, 'pid') - laws['pid']
-    common = {'numerics/tuples.py', 'numerics/compiled.py', 'loop/control.py', 'law/law.py'}
+    common = {'jit/tuples.py', 'jit/compiled.py', 'loop/control.py', 'law/law.py'}
     assert all(common <= files for files in laws.values())
     assert 'law/registry.py' not in laws['pid'] | laws['rasmc']
 
@@ -74,7 +74,7 @@ DIGESTS = """
 import json
 from masmc_ros.law.registry import LAWS
 from masmc_ros.loop.preparation import code_of_law
-from masmc_ros.numerics.compiled import code_file
+from masmc_ros.jit.compiled import code_file
 from masmc_ros.robot.two_link.paper_robot import TWO_LINK
 
 print(json.dumps({
@@ -129,12 +129,12 @@ PLUG_IN = {
     'mine/__init__.py': '',
     'mine/values.py': 'FACTOR = 2.0\n',
     'mine/parts.py': (
-        'from masmc_ros.numerics.compiled import formula\nfrom . import values\n'
+        'from masmc_ros.jit.compiled import formula\nfrom . import values\n'
         'FACTOR = values.FACTOR\n@formula\ndef scaled(x):\n    return FACTOR * x\n'
     ),
     'mine/other.py': 'UNUSED = 1.0\n',
     'mine/kernels.py': (
-        'import mine.other\nfrom masmc_ros.numerics.compiled import kernel\n'
+        'import mine.other\nfrom masmc_ros.jit.compiled import kernel\n'
         'from mine.parts import (\n    scaled,\n)\n'
         '@kernel\ndef total(values):\n    return scaled(values[0])\n'
     ),
@@ -180,7 +180,7 @@ def test_edit_of_constant_in_other_package_changes_result(tmp_path: Path) -> Non
 def test_edit_after_import_keeps_text_of_running_process(tmp_path: Path) -> None:
     """A process must not save the code of what it has imported under the text of a later edit."""
     path = tmp_path / 'edited.py'
-    text = 'from masmc_ros.numerics.compiled import formula\n@formula\ndef f(x):\n    return x\n'
+    text = 'from masmc_ros.jit.compiled import formula\n@formula\ndef f(x):\n    return x\n'
     path.write_text(text, encoding='utf-8')
     exec(compile(text, str(path), 'exec'), {})
     path.write_text(text.replace('return x', 'return 2.0 * x'), encoding='utf-8')
@@ -193,8 +193,8 @@ import json, sys
 from helpers.small_tree import parameters
 from masmc_ros.law.registry import LAWS
 from masmc_ros.loop.preparation import code_of_law
-from masmc_ros.numerics import sources
-from masmc_ros.numerics.sized_records import type_of
+from masmc_ros.jit import sources
+from masmc_ros.jit.sized_records import type_of
 from masmc_ros.robot.tree.tree_mechanism import tree_mechanism
 from masmc_ros.robot.two_link.paper_robot import TWO_LINK
 from numba.core import event

@@ -8,9 +8,9 @@ from __future__ import annotations
 import resource
 from typing import Any
 
-from masmc_ros.numerics.arrays import array_of, read_along, split_buffer, to_vector, write_along
-from masmc_ros.numerics.compiled import formula, inlined, kernel
-from masmc_ros.numerics.scratch import clear, copy_into, MOST, scratch
+from masmc_ros.jit.arrays import array_of, read_along, split_buffer, to_vector, write_along
+from masmc_ros.jit.compiled import formula, inlined, kernel
+from masmc_ros.jit.scratch import clear, copy_into, MOST, scratch
 import numpy as np
 import pytest
 

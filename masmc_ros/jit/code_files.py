@@ -20,7 +20,7 @@ from pathlib import Path
 import pickle
 import tempfile
 
-from masmc_ros.numerics.generated import Types
+from masmc_ros.jit.generated import Types
 from numba.core.serialize import dumps
 
 _DAMAGED = (
