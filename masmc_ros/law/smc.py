@@ -18,7 +18,7 @@ from masmc_ros.law.tick import Tick
 
 @formula
 def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
-    """Return the joints' torques in N m."""
+    """Return the joint torques in N·m."""
     u = reach(settings, tick, memory)
     return model_torque(tick, memory.estimate, u)
 

@@ -56,6 +56,8 @@ def test_law_documentation_has_all_sections(law: str) -> None:
     assert text.startswith(f'# `{law}`')
     assert re.findall('^## (.*)$', text, re.MULTILINE) == SECTIONS
     assert f'--set controller.law={law}' in text
+    _, _, assumptions = text.partition('## Assumptions')
+    assert "**Paper's experiment:**" in assumptions.partition('\n## ')[0]
     assert LAWS[law].summary
     assert LAWS[law].source
 
