@@ -66,5 +66,5 @@ class PlugInLaw(Protocol):
     """Additional parameters, declared by the controller; use names such as `LAW.gain`."""
 
     def step(self, tick: TickInput) -> tuple[Array, Array]:
-        """Return the torque (n) in N m and the next theta_hat (p)."""
+        """Return the torque (n) in N·m and the next theta_hat (p)."""
         ...

@@ -98,7 +98,7 @@ class Joint:
     speed, effort
         Maxima in rad/s or m/s, and N·m or N; infinite without a limit.
     damping, friction
-        viscous friction in N m s or N s/m, and Coulomb's in N m or N.
+        viscous friction in N·m·s or N s/m, and Coulomb's in N·m or N.
     mimics
         Name of the mimicked joint; empty without one.
 

@@ -39,7 +39,7 @@ JUMP, AT = 0.05, 5000
 
 
 class Result(NamedTuple):
-    """Errors (n, axes) in m, torques (n, joints) in N m and velocities of all ticks."""
+    """Errors (n, axes) in m, torques (n, joints) in N·m and velocities of all ticks."""
 
     error: NDArray[np.float64]
     torque: NDArray[np.float64]

@@ -28,7 +28,7 @@ CHATTERING = 10_000.0
 
 
 def variation(scenario: Scenario) -> float:
-    """Return the torques' total variation in N m/s over the second half of a run."""
+    """Return the torques' total variation in N·m/s over the second half of a run."""
     torque = whole(scenario).torque[scenario.ticks // 2:]
     duration = (len(torque) - 1) * scenario.period
     return float(np.abs(np.diff(torque, axis=0)).sum() / duration)

@@ -335,7 +335,7 @@ def test_stiction_holds_joint_until_its_level() -> None:
 
 
 def assert_sticks(plant: SimulatedRobot) -> None:
-    """Assert that joint 3 rests under 0.8 N m, starts before 1.3 N m."""
+    """Assert that joint 3 rests under 0.8 N·m, starts before 1.3 N·m."""
     start = plant.true_position[3:].copy()
     applied(plant, np.linspace(0.0, 0.8, 1000)[:, None] * [0.0, 0.0, 1.0, 0.0])
     assert np.abs(plant.true_position[3:] - start)[2:].max() < 2e-3

@@ -96,7 +96,7 @@ def _force(s: float, a: float, k: float) -> float:
 
 @formula
 def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
-    """Return the joints' torques in N m."""
+    """Return the joint torques in N·m."""
     degrees = elementwise(_degrees, tick.surface, settings.fuzzy_gain_span)
     others = elementwise(alone, tick.surface)
     k = mean_of_rules(in_place(memory, 'fuzzy_gain_theta'), degrees, others)

@@ -141,7 +141,7 @@ def _inputs(settings: Settings, tick: Tick, z: Numbers) -> tuple[Columns, Column
 
 @formula
 def _switched(degrees: Numbers, k_h: float, learned: float) -> float:
-    """Return h of one joint in N m."""
+    """Return h of one joint in N·m."""
     return k_h * dot(degrees, SEVEN) + learned
 
 
@@ -152,7 +152,7 @@ def _held(modelled: float, z: float, k: float, switched: float) -> float:
 
 @formula
 def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
-    """Return the joints' torques in N m."""
+    """Return the joint torques in N·m."""
     z = rate_error(tick)
     first, second, third = _inputs(settings, tick, z)
     return elementwise(

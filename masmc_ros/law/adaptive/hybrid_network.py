@@ -132,7 +132,7 @@ def _correction(z: float, k: float, network: float, robust: float, delta: float)
 
 @formula
 def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
-    """Return the joints' torques in N m."""
+    """Return the joint torques in N·m."""
     z = rate_error(tick)
     first, second = _inputs(settings, tick, z)
     correction = elementwise(

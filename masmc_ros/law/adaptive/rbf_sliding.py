@@ -138,7 +138,7 @@ def _inputs(settings: Settings, tick: Tick) -> tuple[Columns, Columns]:
 
 @formula
 def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
-    """Return the joints' torques in N m."""
+    """Return the joint torques in N·m."""
     first, second = _inputs(settings, tick)
     network = mean_of_rules(in_place(memory, 'rbf_sliding_weights'), first, second)
     reaching = elementwise(

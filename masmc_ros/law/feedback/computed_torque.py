@@ -68,7 +68,7 @@ def _corrected(z: float, w: float, k_d: float, k_p: float) -> float:
 
 @formula
 def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
-    """Return the joints' torques in N m."""
+    """Return the joint torques in N·m."""
     correction = elementwise(
         _corrected,
         rate_error(tick),

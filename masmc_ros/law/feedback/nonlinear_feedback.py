@@ -67,7 +67,7 @@ def _with_integral(acceleration: float, k_i: float, w: float) -> float:
 
 @formula
 def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
-    """Return the joints' torques in N m."""
+    """Return the joint torques in N·m."""
     acceleration = elementwise(
         _with_integral,
         spring(tick, settings.nonlinear_feedback_k_d, settings.nonlinear_feedback_k_p),

@@ -123,7 +123,7 @@ def prioritised_force(mobility: Columns, wanted: Numbers, first: int) -> Numbers
 
 @formula
 def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
-    """Return the joints' torques in N m."""
+    """Return the joint torques in N·m."""
     model, posture = tick.model, tick.posture
     commanded = spring(tick, settings.null_space_k_d, settings.null_space_k_p)
     # For zero task acceleration, J times the acceleration is -Jdot v.

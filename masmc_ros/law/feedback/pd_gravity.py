@@ -46,7 +46,7 @@ def _force(error: float, rate: float, k_p: float, k_d: float) -> float:
 
 @formula
 def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
-    """Return the joints' torques in N m."""
+    """Return the joint torques in N·m."""
     u = elementwise(
         _force,
         tick.error,

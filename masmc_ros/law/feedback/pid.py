@@ -53,7 +53,7 @@ def _force(error: float, rate: float, w: float, k_p: float, k_d: float, k_i: flo
 
 @formula
 def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
-    """Return the joints' torques in N m."""
+    """Return the joint torques in N·m."""
     u = elementwise(
         _force,
         tick.error,

@@ -88,7 +88,7 @@ def _forces(a: float, b: float, disturbance: float) -> float:
 
 @formula
 def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
-    """Return the joints' torques in N m, and update the disturbance estimate."""
+    """Return the joint torques in N·m, and update the disturbance estimate."""
     h = mechanism.inertia(tick.model, tick.posture, tick.nominal)
     before = last_acceleration(tick, memory.momentum_observer_velocity)
     rate = 0.0 if is_on(settings) else settings.momentum_observer_rate

@@ -67,7 +67,7 @@ def _known(measured: float, modelled: float) -> float:
 
 @formula
 def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
-    """Return the joints' torques in N m."""
+    """Return the joint torques in N·m."""
     acceleration = spring(tick, settings.time_delay_k_d, settings.time_delay_k_p)
     h = mechanism.inertia(tick.model, tick.posture, tick.nominal)
     before = last_acceleration(tick, memory.time_delay_velocity)

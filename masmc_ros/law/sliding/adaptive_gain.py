@@ -69,7 +69,7 @@ class Memory(fields.Memory):
 
 @formula
 def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
-    """Return the joints' torques in N m."""
+    """Return the joint torques in N·m."""
     u = elementwise(
         reaching_force,
         tick.surface,

@@ -102,7 +102,7 @@ def _requested(settings: Settings, tick: Tick, memory: Memory) -> Axes:
 
 @formula
 def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
-    """Return the joints' torques in N m."""
+    """Return the joint torques in N·m."""
     nu = _requested(settings, tick, memory)
     return surface_torque(tick, memory.estimate, settings.sigma, nu)
 

@@ -71,7 +71,7 @@ def _of_group(
 
 @formula
 def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
-    """Return the joints' torques in N m."""
+    """Return the joint torques in N·m."""
     reaching = elementwise(
         reaching_force,
         tick.surface,

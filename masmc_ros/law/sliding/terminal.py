@@ -62,7 +62,7 @@ def commanded_acceleration(
 
 @formula
 def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
-    """Return the joints' torques in N m."""
+    """Return the joint torques in N·m."""
     acceleration = elementwise(
         commanded_acceleration,
         tick.desired_acceleration,

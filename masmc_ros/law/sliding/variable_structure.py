@@ -54,7 +54,7 @@ def _switched(
 
 @formula
 def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
-    """Return the joints' torques in N m."""
+    """Return the joint torques in N·m."""
     u = elementwise(
         _switched,
         tick.surface,

@@ -37,7 +37,7 @@ class Samples:
     torque_times
         (M) of the commands.
     torque
-        (M, joints) in N m.
+        (M, joints) in N·m.
     window
         start <= t < end.
     points
@@ -80,7 +80,7 @@ class Samples:
         error
             (n, axes) of all ticks.
         torque
-            (n, joints) in N m; (0, joints) if velocities are commanded.
+            (n, joints) in N·m; (0, joints) if velocities are commanded.
         period
             control period in s.
         points

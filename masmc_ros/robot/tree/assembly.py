@@ -88,7 +88,7 @@ class Limits(NamedTuple):
     speed: NDArray[np.float64]
     """In rad/s or m/s, either way."""
     effort: NDArray[np.float64]
-    """In N m or N, either way."""
+    """In N·m or N, either way."""
 
 
 @dataclass(frozen=True)

@@ -78,7 +78,7 @@ def wheel_rates(geometry: Geometry, forward: float, turn: float) -> tuple[float,
 def joint_torque(
     geometry: Geometry, f_u: float, f_w: float, f_a: float, f_b: float
 ) -> tuple[float, float, float, float]:
-    """Return the torque in v's order (N m) that does the work of the quasi-forces f."""
+    """Return the torques (N·m) in the order of v with the power of the quasi-forces f."""
     forward = 0.5 * geometry.wheel_radius * f_u
     turn = 0.5 * geometry.wheel_radius / geometry.half_track * (f_w + f_a + f_b)
     return forward + turn, forward - turn, f_a + f_b, f_b
@@ -88,7 +88,7 @@ def joint_torque(
 def quasi_force(
     geometry: Geometry, right: float, left: float, arm_1: float, arm_2: float
 ) -> tuple[float, float, float, float]:
-    """Return the quasi-forces (N, N m) of a torque in v's order: the inverse map."""
+    """Return the quasi-forces (N, N·m) of torques in the order of v: the inverse map."""
     f_u = (right + left) / geometry.wheel_radius
     f_w = geometry.half_track * (right - left) / geometry.wheel_radius - arm_1
     return f_u, f_w, arm_1 - arm_2, arm_2

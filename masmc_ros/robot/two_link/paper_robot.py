@@ -33,7 +33,7 @@ DRIVEN = (
     Coordinate('arm_joint_1', 'arm_1', 'arm joint 1'),
     Coordinate('arm_joint_2', 'arm_2', 'arm joint 2'),
 )
-"""The joints that take a torque, in the order of the reduced velocity v; rad, rad/s, N m."""
+"""Driven joints in the order of the reduced velocity v; rad, rad/s, N·m."""
 
 FIXED_JOINT = 'end_effector_joint'
 """The joint between the last link and its end."""
@@ -75,10 +75,10 @@ FRAMES = (
 """Parent and child of every transform, parents first."""
 
 TORQUE_LIMIT = (8.0, 8.0, 20.0, 10.0)
-"""Torques in N m of drives that fit the default robot: wheels, then the arm's joints."""
+"""Torque limits in N·m of drives that fit the default robot: wheels, then arm joints."""
 
 TORQUE_RATE_LIMIT = (400.0, 400.0, 1000.0, 500.0)
-"""Rates of their torques in N m/s: from zero to the limit in 20 ms."""
+"""Limits of their torque rates in N·m/s: from zero to the torque limit in 20 ms."""
 
 TWO_LINK = register(
     Mechanism(
