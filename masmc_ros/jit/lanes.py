@@ -110,7 +110,7 @@ class LaneType(types.Type):
 
     @property
     def key(self) -> Type:
-        """Return the identity of the type."""
+        """Return the type of the record: Numba treats types with equal keys as one type."""
         return self.record
 
     @property

@@ -129,7 +129,7 @@ class _TypeOfSchema(types.Type):
 
     @property
     def key(self) -> Schema:
-        """Return the identity of the type."""
+        """Return the schema: Numba treats types with equal keys as one type."""
         return self.schema
 
     @property

@@ -67,7 +67,7 @@ class VectorType(types.IterableType):
 
     @property
     def key(self) -> types.Type:
-        """Return the identity of the type."""
+        """Return the type of the entries: Numba treats types with equal keys as one type."""
         return self.entry
 
     @property

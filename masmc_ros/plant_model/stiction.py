@@ -46,6 +46,8 @@ def bristle_gains(
         Integration step in s.
 
     """
+    if level == 0.0:
+        return 0.0, 0.0  # also for an infinite inertia, whose damping would be NaN
     stiffness = min(level / _DEFLECTION, inertia * (_PER_STEP / h) ** 2)
     damping = 2.0 * _DAMPING_RATIO * math.sqrt(stiffness * inertia)
     return stiffness, min(damping, 8.0 * level / velocity)

@@ -56,8 +56,11 @@ def test_law_documentation_has_all_sections(law: str) -> None:
     assert text.startswith(f'# `{law}`')
     assert re.findall('^## (.*)$', text, re.MULTILINE) == SECTIONS
     assert f'--set controller.law={law}' in text
-    _, _, assumptions = text.partition('## Assumptions')
-    assert "**Paper's experiment:**" in assumptions.partition('\n## ')[0]
+    sections = dict(zip(SECTIONS, re.split('^## .*$', text, flags=re.MULTILINE)[1:], strict=True))
+    assert '\n**Differences.** ' in sections['Reference']
+    conditions, _, experiment = sections['Assumptions'].partition("\n**Paper's experiment:** ")
+    assert '\n**Conditions.** ' in conditions
+    assert experiment
     assert LAWS[law].summary
     assert LAWS[law].source
 

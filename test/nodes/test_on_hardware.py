@@ -146,6 +146,7 @@ def test_controller_late_states_answered_age_reported(tmp_path: Path) -> None:
         )
         assert robot.figure('age of answered states, most (ms)') >= 1e3 * LATE
         assert 0.0 < robot.figure('mean tick (ms)') <= robot.figure('longest tick (ms)')
+        assert robot.figure('largest torque (N·m)') >= 0.0
         assert robot.controller_states == ['active']
 
 

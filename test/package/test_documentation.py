@@ -98,7 +98,7 @@ EXPERIMENT = {
         'torque_rate_limit': (0.0,) * 4,
     },
 }
-"""What makes the paper's experiment, whatever the nodes' defaults are."""
+"""Parameters of the paper's experiment, independent of the defaults of the nodes."""
 
 
 @pytest.mark.parametrize('node', EXPERIMENT)

@@ -330,6 +330,11 @@ def test_stiction_constant_rate_equals_stribeck_curve(
     assert torque == pytest.approx(-math.copysign(curve, rate), rel=1e-3)
 
 
+@pytest.mark.parametrize('inertia', [0.5, math.inf])
+def test_stiction_of_level_zero_has_zero_gains(inertia: float) -> None:
+    assert bristle_gains(0.0, 0.05, inertia, 5e-4) == (0.0, 0.0)
+
+
 def test_stiction_holds_joint_until_its_level() -> None:
     assert_sticks(planar('plant.stiction.torque=[5.0, 5.0, 1.0, 1.0]'))
 

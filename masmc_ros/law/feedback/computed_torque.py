@@ -7,8 +7,9 @@ Computed torque: inverse model of joint velocities that follow an outer loop.
     z = rates - rates_r,    wdot = z
     tau = H (a_r - K_d z - K_p w) + V v
 
-where v_r and a_r of (14), an outer kinematic loop of bandwidth sigma, replace desired velocities
-(reference [2] of the paper). With sigma 0 it is the source's law for velocities.
+where v_r and a_r of (14), an outer kinematic loop of bandwidth sigma, replace desired velocities.
+With sigma 0 the law does not use the position. The paper names computed torque, its reference
+[2], without equations.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Input-output decoupling: torque of `nonlinear_feedback`, under the name of reference [4].
+Input-output decoupling: torque of `nonlinear_feedback`, as the paper names its reference [4].
 
 The second derivative of the outputs y = x is yddot = Jdot v + J H^-1 (f - V v). The inputs
 f = (J H^-1)^-1 (nu - Jdot v) + V v give yddot = nu, one output for each input. They equal

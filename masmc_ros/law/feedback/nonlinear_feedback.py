@@ -7,9 +7,10 @@ Nonlinear feedback: inverse model, with task errors that decay like those of spr
     xddot_c = xddot_d - K_d edot - K_p e - K_i w,    wdot = e
     tau = H J^-1 (xddot_c - Jdot v) + V v
 
-is known as computed torque in task space (reference [1] of the paper). In [4] it decouples inputs
-from outputs, which is equivalent for equal numbers of inputs and outputs. K_i is an addition; the
-source has 0.
+is known as computed torque in task space, or resolved acceleration: J. Y. S. Luh, M. W. Walker and
+R. P. C. Paul, "Resolved-acceleration control of mechanical manipulators", IEEE Transactions on
+Automatic Control 25, 1980. The integral is an addition, with K_i = 0 by default. The paper names
+nonlinear feedback, its reference [1], without equations. `input_output_decoupling` is the same.
 """
 
 from __future__ import annotations

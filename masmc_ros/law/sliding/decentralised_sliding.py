@@ -8,7 +8,12 @@ Decentralised sliding mode control: separate dynamics of platform and arm.
     tau_g = H_gg (wanted)_g + (V v)_g with the joints of all other groups at rest
 
 for every group g of joints. Without coupling of the groups this gives the reaching law of Gao and
-Hung, s' = -Q s - P sgn s; P must exceed the coupling. Reference [6] of the paper.
+Hung, s' = -Q s - P sgn s. With coupling, disturbance and model errors
+
+    s' = -M (Q s + P sgn s) + c,    M = J H^-1 D J^-1,
+
+where D is the inertia of the model without coupling. s = 0 can be held only if |(M^-1 c)_i| <= P_i
+on every axis. Reference [6] of the paper.
 """
 
 from __future__ import annotations

@@ -54,7 +54,7 @@ class CommandOutput(Protocol):
 
 
 def _largest(torque: Array) -> dict[str, str]:
-    return {'largest torque (N m)': f'{float(np.abs(torque).max()):.6g}'}
+    return {'largest torque (N·m)': f'{float(np.abs(torque).max()):.6g}'}
 
 
 class TorqueOutput:

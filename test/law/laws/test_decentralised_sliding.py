@@ -1,13 +1,15 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Decentralised sliding mode: torque formula and time to reach the surface."""
+"""Decentralised sliding mode: torque formula, surface rate and time to reach the surface."""
 
 from __future__ import annotations
 
-from helpers.lagrangian import matrices
+from dataclasses import dataclass
+
+from helpers.lagrangian import Matrices, matrices
 from helpers.law_bench import at_random, PAPER, run, tick
-from helpers.robots import DEFAULT
+from helpers.robots import Array, DEFAULT
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.params.scenario import load_scenario
 import numpy as np
@@ -33,6 +35,102 @@ def test_decentralised_sliding_torque_matches_formula(seed: int) -> None:
         wanted[group] = at.inertia[group, group] @ a[group]
         wanted[group] += at.scale * (alone.reduced_coriolis @ v)[group]
     np.testing.assert_allclose(tick(controller, at), wanted, rtol=1e-9, atol=1e-9)
+
+
+@dataclass(frozen=True)
+class SurfaceRate:
+    """Terms of ds/dt = -M reaching + c at one state, derived without the package."""
+
+    matrix: Array
+    """M (4, 4)."""
+    offset: Array
+    """c (4) in m/s²."""
+    drift: Array
+    """Jdot v - xddot_r (4) in m/s²."""
+    matrices: Matrices
+
+    @classmethod
+    def at(
+        cls,
+        *,
+        position: Array,
+        v: Array,
+        desired: Array,
+        sigma: Array,
+        scale: float,
+        disturbance: Array,
+    ) -> SurfaceRate:
+        """Return the terms for a disturbance (4) in N·m, and a model with scaled masses."""
+        true = matrices(DEFAULT, position, v)
+        inertia, forces = np.zeros((4, 4)), np.zeros(4)
+        for group in (slice(0, 2), slice(2, 4)):
+            alone = np.zeros(4)
+            alone[group] = v[group]
+            inertia[group, group] = scale * true.reduced_inertia[group, group]
+            coriolis = matrices(DEFAULT, position, alone).reduced_coriolis
+            forces[group] = scale * (coriolis @ alone)[group]
+        jacobian, rate = true.jacobian, true.jacobian_rate @ v
+        acceleration = desired[2] - sigma * (jacobian @ v - desired[1])
+        product = jacobian @ np.linalg.solve(true.reduced_inertia, inertia)
+        matrix = product @ np.linalg.inv(jacobian)
+        pushed = forces - true.reduced_coriolis @ v + disturbance
+        offset = (matrix - np.eye(4)) @ (acceleration - rate)
+        offset += jacobian @ np.linalg.solve(true.reduced_inertia, pushed)
+        return cls(matrix, offset, rate - acceleration, true)
+
+    def of(self, v: Array, torque: Array, disturbance: Array) -> Array:
+        """Return ds/dt (4) of the robot under torques (4) in N·m."""
+        force = torque + disturbance - self.matrices.reduced_coriolis @ v
+        a = np.linalg.solve(self.matrices.reduced_inertia, force)
+        result: Array = self.matrices.jacobian @ a + self.drift
+        return result
+
+
+@pytest.mark.parametrize('seed', range(5))
+def test_decentralised_sliding_surface_rate_matches_page(seed: int) -> None:
+    """ds/dt = -M (Q s + P sat(s / delta)) + c for any disturbance."""
+    q, p = np.random.default_rng(seed).uniform(1.0, 50.0, (2, 4))
+    disturbance = np.random.default_rng(seed + 100).uniform(-3.0, 3.0, 4)
+    controller, at = at_random(seed, LAW, **{f'{LAW}__q': tuple(q), f'{LAW}__p': tuple(p)})
+    terms = SurfaceRate.at(
+        position=at.position,
+        v=at.v,
+        desired=at.desired,
+        sigma=at.sigma,
+        scale=at.scale,
+        disturbance=disturbance,
+    )
+    reaching = q * at.surface + p * np.clip(at.surface / 0.2, -1.0, 1.0)
+    rate = terms.of(at.v, tick(controller, at), disturbance)
+    expected = -terms.matrix @ reaching + terms.offset
+    np.testing.assert_allclose(rate, expected, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.slow
+def test_decentralised_sliding_gain_holds_surface_of_paper() -> None:
+    """Along the paper's experiment |M^-1 c| stays below P, and M + M' is not definite."""
+    values = load_scenario(PAPER, (f'controller.law={LAW}',))
+    track = next(Simulation(values).run(block=10**6))
+    plant = values['plant']
+    amplitude, frequency, phase = (
+        np.array(plant[f'disturbance.{name}']) for name in ('amplitude', 'frequency', 'phase')
+    )
+    needed, offset, definite = [], [], []
+    for k in range(0, len(track), 20):
+        terms = SurfaceRate.at(
+            position=np.array(track.position[k]),
+            v=np.array(track.velocity[k])[-4:],
+            desired=np.array(track.reference[k]).reshape(3, 4),
+            sigma=np.array(values['controller']['sigma']),
+            scale=0.5,
+            disturbance=amplitude * np.sin(frequency * 1e-3 * k + phase),
+        )
+        needed.append(np.abs(np.linalg.solve(terms.matrix, terms.offset)))
+        offset.append(np.abs(terms.offset))
+        definite.append(np.linalg.eigvalsh(terms.matrix + terms.matrix.T)[0])
+    np.testing.assert_allclose(np.max(needed, axis=0), (21.5, 31.6, 4.3, 3.0), rtol=0.02)
+    assert np.max(offset) == pytest.approx(13.6, rel=0.01)
+    assert min(definite) < 0.0
 
 
 @pytest.mark.slow
