@@ -18,6 +18,25 @@ import pytest
 LAW = 'decentralised_sliding'
 
 
+def without_coupling(
+    inertia: Array, position: Array, v: Array, scale: float
+) -> tuple[Array, Array]:
+    """
+    Return the model of platform and arm, each with the joints of the other at rest.
+
+    The results are the inertia D (4, 4) from the blocks of `inertia`, and the Coriolis torques (4)
+    in N·m of scaled masses.
+    """
+    separate, forces = np.zeros((4, 4)), np.zeros(4)
+    for group in (slice(0, 2), slice(2, 4)):
+        alone = np.zeros(4)
+        alone[group] = v[group]
+        separate[group, group] = inertia[group, group]
+        coriolis = matrices(DEFAULT, position, alone).reduced_coriolis
+        forces[group] = scale * (coriolis @ alone)[group]
+    return separate, forces
+
+
 @pytest.mark.parametrize('seed', range(20))
 def test_decentralised_sliding_torque_matches_formula(seed: int) -> None:
     """Blocks of H and V, computed with the joints of the other group at rest."""
@@ -27,13 +46,8 @@ def test_decentralised_sliding_torque_matches_formula(seed: int) -> None:
     x_r = at.desired[2] - at.sigma * at.error_rate
     acceleration = x_r - q * s - p * np.clip(s / 0.2, -1.0, 1.0)
     a = np.linalg.solve(at.jacobian, acceleration - at.drift)
-    wanted = np.zeros(4)
-    for group in (slice(0, 2), slice(2, 4)):
-        v = np.zeros(4)
-        v[group] = at.v[group]
-        alone = matrices(DEFAULT, at.position, v)
-        wanted[group] = at.inertia[group, group] @ a[group]
-        wanted[group] += at.scale * (alone.reduced_coriolis @ v)[group]
+    inertia, forces = without_coupling(at.inertia, at.position, at.v, at.scale)
+    wanted = inertia @ a + forces
     np.testing.assert_allclose(tick(controller, at), wanted, rtol=1e-9, atol=1e-9)
 
 
@@ -62,13 +76,7 @@ class SurfaceRate:
     ) -> SurfaceRate:
         """Return the terms for a disturbance (4) in N·m, and a model with scaled masses."""
         true = matrices(DEFAULT, position, v)
-        inertia, forces = np.zeros((4, 4)), np.zeros(4)
-        for group in (slice(0, 2), slice(2, 4)):
-            alone = np.zeros(4)
-            alone[group] = v[group]
-            inertia[group, group] = scale * true.reduced_inertia[group, group]
-            coriolis = matrices(DEFAULT, position, alone).reduced_coriolis
-            forces[group] = scale * (coriolis @ alone)[group]
+        inertia, forces = without_coupling(scale * true.reduced_inertia, position, v, scale)
         jacobian, rate = true.jacobian, true.jacobian_rate @ v
         acceleration = desired[2] - sigma * (jacobian @ v - desired[1])
         product = jacobian @ np.linalg.solve(true.reduced_inertia, inertia)
