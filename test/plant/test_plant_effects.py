@@ -9,7 +9,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from helpers.robots import Array, between, PROPERTY
+from helpers.robots import Array, PROPERTY
 from helpers.small_tree import parameters, START
 from hypothesis import given
 from hypothesis import strategies as st
@@ -24,7 +24,6 @@ from masmc_ros.loop.simulation import Simulation
 from masmc_ros.params.node_parameters import declared
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.plant_model.delays import is_lost, newest, OF_COMMAND, OF_MEASUREMENT
-from masmc_ros.plant_model.stiction import bristle_gains, stuck
 from masmc_ros.robot.mechanisms import mechanism_from
 import numpy as np
 import pytest
@@ -292,47 +291,6 @@ def test_motor_lag_holding_drives_come_to_rest() -> None:
 
 
 # Stiction.
-
-LEVELS = between(0.01, 20.0)
-
-
-@PROPERTY
-@given(
-    LEVELS,
-    between(0.005, 0.5),
-    between(1e-3, 5.0),
-    st.lists(between(-5.0, 5.0), min_size=5, max_size=40),
-)
-def test_stiction_removes_energy(
-    level: float, velocity: float, inertia: float, rates: list[float]
-) -> None:
-    h = 5e-4
-    stiffness, damping = bristle_gains(level, velocity, inertia, h)
-    deflection, work = 0.0, 0.0
-    for rate in rates:
-        deflection, torque = stuck(deflection, rate, level, velocity, stiffness, damping, h)
-        work += torque * rate * h
-        stored = 0.5 * stiffness * deflection**2
-        assert work + stored <= 1e-12 * (1.0 + abs(work))
-
-
-@PROPERTY
-@given(LEVELS, between(0.005, 0.5), between(-2.0, 2.0))
-def test_stiction_constant_rate_equals_stribeck_curve(
-    level: float, velocity: float, rate: float
-) -> None:
-    stiffness, damping = bristle_gains(level, velocity, 0.5, 5e-4)
-    deflection, torque = 0.0, 0.0
-    rate = math.copysign(max(abs(rate), 1e-3), rate)
-    for _ in range(40_000):
-        deflection, torque = stuck(deflection, rate, level, velocity, stiffness, damping, 5e-4)
-    curve = level / (1.0 + (rate / velocity) ** 2)
-    assert torque == pytest.approx(-math.copysign(curve, rate), rel=1e-3)
-
-
-@pytest.mark.parametrize('inertia', [0.5, math.inf])
-def test_stiction_of_level_zero_has_zero_gains(inertia: float) -> None:
-    assert bristle_gains(0.0, 0.05, inertia, 5e-4) == (0.0, 0.0)
 
 
 def test_stiction_holds_joint_until_its_level() -> None:
