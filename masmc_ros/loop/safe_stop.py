@@ -69,7 +69,7 @@ _MOST_GAIN = 40.0
 """Largest gain alpha in 1/s."""
 
 _GUIDE_GAIN = 5.0
-"""Gain alpha of hand guiding in 1/s: a hand feels a viscous load of 5 N s/m per kg."""
+"""Gain alpha of hand guiding in 1/s: a hand feels a viscous load of 5 N·s/m per kg."""
 
 _BRAKING = 8.0
 """Rate in 1/s at which the reference comes to rest."""

@@ -62,7 +62,7 @@ class Link:
     centre
         frame at the centre of mass, in the link's.
     inertia
-        xx, xy, xz, yy, yz, zz about the centre of mass, in that frame, in kg m2.
+        xx, xy, xz, yy, yz, zz about the centre of mass, in that frame, in kg·m².
     meshes
         File names of its meshes as in the file; `packages.resource_path` finds them.
 
@@ -98,7 +98,7 @@ class Joint:
     speed, effort
         Maxima in rad/s or m/s, and N·m or N; infinite without a limit.
     damping, friction
-        viscous friction in N·m·s or N s/m, and Coulomb's in N·m or N.
+        viscous friction in N·m·s or N·s/m, and Coulomb's in N·m or N.
     mimics
         Name of the mimicked joint; empty without one.
 

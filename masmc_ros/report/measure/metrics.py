@@ -202,7 +202,7 @@ def _variation(samples: Samples) -> float | None:
 
 
 def _estimate_norm(samples: Samples) -> float | None:
-    """Return the Euclidean norm of the last estimate, whose units are mixed (kg, kg m2, kg m)."""
+    """Return the Euclidean norm of the last estimate, whose units are mixed (kg, kg·m², kg·m)."""
     estimate = samples.estimate
     return float(np.linalg.norm(estimate[-1])) if estimate is not None and len(estimate) else None
 

@@ -388,7 +388,7 @@ def _check_moments(bodies: Sequence[_Body], description: Description, where: str
             raise InputError(
                 f"{where}, line {link.line}: link '{link.name}', with what is fixed to it, has an"
                 f' inertia that no body has: the least second moment of its mass is {least:.3g}'
-                ' kg m2, expected >= 0 (no moment of inertia exceeds the sum of the other two)'
+                ' kg·m², expected >= 0 (no moment of inertia exceeds the sum of the other two)'
             )
 
 
@@ -421,7 +421,7 @@ def _mount(
 
 
 def _about(axis: Vector, inertial_parameters: Moments) -> float:
-    """Return the moment of inertia about an axis through a link's origin, in kg m2."""
+    """Return the moment of inertia about an axis through a link's origin, in kg·m²."""
     xx, yy, zz, xy, yz, zx = inertial_parameters[4:]
     along = (
         xx * axis[0] + xy * axis[1] + zx * axis[2],

@@ -44,7 +44,7 @@ class Tree(NamedTuple):
     offset: NDArray[np.float64]
     """(B, 3) of each body's origin in its parent's frame, with the joint at zero, in m."""
     armature: NDArray[np.float64]
-    """(n, n) constant inertia of rotors and wheels in velocities nu, in kg, kg m and kg m^2."""
+    """(n, n) constant inertia of rotors and wheels in velocities nu, in kg, kg·m and kg·m²."""
 
 
 class TreeModel(NamedTuple):

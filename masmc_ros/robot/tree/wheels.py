@@ -52,7 +52,7 @@ class Mount(NamedTuple):
     axle: Vector
     """Unit vector of positive rotation."""
     spin: float
-    """Moment of inertia about the axle, in kg m2."""
+    """Moment of inertia about the axle, in kg·m²."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class Wheels:
     inverse
         (rates, N), by least squares if there are more wheels than rates.
     spin
-        (N) moments of inertia about the axles, in kg m2.
+        (N) moments of inertia about the axles, in kg·m².
 
     """
 
@@ -92,11 +92,11 @@ class Wheels:
         Parameters
         ----------
         armature
-            inertia of each wheel's rotor, seen from the wheel, in kg m2.
+            inertia of each wheel's rotor, seen from the wheel, in kg·m².
 
         Returns
         -------
-            (rates, rates) in kg, kg m and kg m2.
+            (rates, rates) in kg, kg·m and kg·m².
 
         """
         return _squares(self.matrix, self.spin + armature)

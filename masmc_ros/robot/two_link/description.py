@@ -36,7 +36,7 @@ Vector = tuple[float, float, float]
 
 
 class _Inertia(NamedTuple):
-    """Mass in kg, centre of mass in m, inertias about it in kg m2."""
+    """Mass in kg, centre of mass in m, inertias about it in kg·m²."""
 
     mass: float
     centre: Vector

@@ -23,12 +23,12 @@ class BaseParameters(NamedTuple):
     """The seven combinations of masses, lengths and inertias that motion depends on."""
 
     mass: float  # M, kg
-    yaw_inertia: float  # J, kg m2, about the axle's middle
-    offset: float  # c, kg m, first moment ahead of the axle
-    moment_1: float  # p_1, kg m, first moment of link 1 with link 2 at its end
-    moment_2: float  # p_2, kg m
-    inertia_1: float  # i_1, kg m2, about the arm's base
-    inertia_2: float  # i_2, kg m2, about joint 2
+    yaw_inertia: float  # J, kg·m², about the axle's middle
+    offset: float  # c, kg·m, first moment ahead of the axle
+    moment_1: float  # p_1, kg·m, first moment of link 1 with link 2 at its end
+    moment_2: float  # p_2, kg·m
+    inertia_1: float  # i_1, kg·m², about the arm's base
+    inertia_2: float  # i_2, kg·m², about joint 2
 
 
 class Inertia(NamedTuple):

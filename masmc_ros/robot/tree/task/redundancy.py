@@ -268,5 +268,5 @@ def _column_of(matrix_and_surface: tuple[Array, Numbers], j: int) -> Numbers:
 
 @formula
 def task_inertia(model: TreeModel, posture: Posture, theta: Numbers, surface: Numbers) -> Columns:
-    """Return (J H^-1 J')^-1 by its columns, kg, kg m and kg m^2."""
+    """Return (J H^-1 J')^-1 by its columns, kg, kg·m and kg·m²."""
     return from_index(_column_of, surface, (_task_inertia(model, posture, theta), surface))
