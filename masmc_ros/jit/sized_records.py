@@ -186,6 +186,8 @@ class _RecordsModel(models.StructModel):
 
 def type_of(argument: object) -> types.Type:
     """Return the type of an argument of a kernel."""
+    if isinstance(argument, np.void) and has_layout(argument.dtype):
+        return SizedRecordType(schema_of(argument.dtype))
     if not isinstance(argument, np.ndarray) or not has_layout(argument.dtype):
         return typeof(argument)
     known = _TYPES.get(int(argument[LAYOUT][0, _CHECKSUM])) if len(argument) else None
