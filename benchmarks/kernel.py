@@ -148,8 +148,8 @@ def lanes_seconds(
             followed = reference[first:first + BLOCK]
             final = first + len(followed) == ticks
             closed_loop(
-                robot, state, delay_buffer, gains, memory, current_signals, first, final, followed,
-                signals[: len(followed)],
+                None, robot, state, delay_buffer, gains, memory, current_signals, first, final,
+                followed, signals[: len(followed)],
             )  # fmt: skip
         best = min(best, time.perf_counter() - start)
     return best / lanes

@@ -34,6 +34,7 @@ from masmc_ros.aliases import AnyFunction, Function
 from masmc_ros.errors import UserError
 from masmc_ros.jit.code_files import CodeFiles, Key
 from masmc_ros.jit.compiler_errors import COMPILER_ERRORS, explained
+from masmc_ros.jit.inlined_code import InlinedCompiler
 from masmc_ros.jit.sized_records import has_sized_records, type_of
 from masmc_ros.jit.sources import digest, files_of_types, remember
 from masmc_ros.jit.supported_numba import FIRST_UNSUPPORTED, OLDEST
@@ -42,6 +43,7 @@ from numba import __version__ as numba_version
 from numba import config, njit
 from numba.core import event
 from numba.core.codegen import ll
+from numba.core.types import WrapperAddressProtocol
 
 _settings: Any = config  # its attributes are made when it is imported
 
@@ -98,7 +100,12 @@ class Formula:
     @cached_property
     def _compiled(self) -> Any:
         # Created when its caller is compiled, which most processes never do.
-        return _compile(self.py_func, forceinline=True, no_cpython_wrapper=True)
+        return _compile(
+            self.py_func,
+            forceinline=True,
+            no_cpython_wrapper=True,
+            pipeline_class=InlinedCompiler,
+        )
 
     @property
     def _numba_type_(self) -> Any:
@@ -191,6 +198,47 @@ def kernel_of_threads(function: AnyFunction) -> AnyFunction:
     """
     compiled = _compile(function, nogil=True)
     return cast(AnyFunction, compiled if _settings.DISABLE_JIT else Kernel(function, compiled))
+
+
+def called_by_address(function: AnyFunction) -> AnyFunction:
+    """
+    Compile a function that kernels call by its address, see `address_of`.
+
+    Numba compiles all other callees again in each kernel. The function must not raise an error.
+    """
+    compiled = _compile(function, no_cpython_wrapper=True, no_cfunc_wrapper=False)
+    return cast(AnyFunction, compiled if _settings.DISABLE_JIT else Kernel(function, compiled))
+
+
+class _CodeAddress(WrapperAddressProtocol):
+    """Argument of a kernel: a compiled function, which the kernel calls by its address."""
+
+    def __init__(self, code: Any) -> None:
+        """Initialise the argument with the compiled code of a function."""
+        self._code = code
+
+    def __wrapper_address__(self) -> int:
+        """Return the address of the code."""
+        name = self._code.fndesc.llvm_cfunc_wrapper_name
+        return cast(int, self._code.library.get_pointer_to_function(name))
+
+    def signature(self) -> Any:
+        """Return the types of the arguments and of the result."""
+        return self._code.signature
+
+
+def address_of(function: Function, *arguments: object) -> Function | None:
+    """
+    Return a function as an argument for kernels, compiled for the types of these arguments.
+
+    Returns None if kernels run as plain Python. Raises InputError with one line if the function
+    cannot be compiled.
+    """
+    if not isinstance(function, Kernel) or _is_interpreting():
+        return None
+    bound(function, *arguments)
+    code = function.overloads[tuple(map(type_of, arguments))]
+    return cast(Function, _CodeAddress(code))
 
 
 def is_interpreted() -> bool:

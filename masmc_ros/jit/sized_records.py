@@ -21,7 +21,7 @@ import zlib
 
 from masmc_ros.aliases import Records
 from masmc_ros.jit.generated import Builder, Compiler, IrValue, IrValues, Type, Types
-from masmc_ros.jit.vectors import workspace_of_function
+from masmc_ros.jit.vectors import is_sized, workspace_of_function
 from numba import typeof, types
 from numba.core import cgutils
 from numba.core.datamodel.manager import DataModelManager
@@ -186,6 +186,8 @@ class _RecordsModel(models.StructModel):
 
 def type_of(argument: object) -> types.Type:
     """Return the type of an argument of a kernel."""
+    if isinstance(argument, np.void) and has_layout(argument.dtype):
+        return SizedRecordType(schema_of(argument.dtype))
     if not isinstance(argument, np.ndarray) or not has_layout(argument.dtype):
         return typeof(argument)
     known = _TYPES.get(int(argument[LAYOUT][0, _CHECKSUM])) if len(argument) else None
@@ -197,6 +199,14 @@ def has_sized_records(arguments: tuple[object, ...]) -> bool:
     return any(
         isinstance(argument, np.ndarray) and has_layout(argument.dtype) for argument in arguments
     )
+
+
+def has_sizes_at_run_time(kind: Type) -> bool:
+    """Return True for a record of sizes at run time, its lanes and vectors, and tuples of them."""
+    if isinstance(kind, SizedRecordType) or is_sized(kind):
+        return True
+    parts = (getattr(kind, 'record', None), *getattr(kind, 'types', ()))
+    return any(has_sizes_at_run_time(part) for part in parts if part is not None)
 
 
 @unbox(SizedRecordsType)

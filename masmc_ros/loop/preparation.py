@@ -7,7 +7,7 @@ Compilation of the control laws: in advance, or for a live change.
 Compiling a law takes seconds, on a tree robot up to a minute. Loading its code from disk takes up
 to a fifth of a second. A controller must do neither between two ticks, so other processes and
 threads do both. While the node starts, it loads the code of the paper's laws and of user laws. A
-process with the lowest priority compiles missing code, once per machine. A live change of `law` or
+process compiles missing code on idle processors, once per machine. A live change of `law` or
 `switching` may need code that the node has not loaded: in a `LawChange` a process compiles, a
 thread loads, and the change takes effect between two ticks.
 """
@@ -15,7 +15,7 @@ thread loads, and the change takes effect between two ticks.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from contextlib import redirect_stdout, suppress
+from contextlib import contextmanager, nullcontext, redirect_stdout, suppress
 import json
 import os
 from pathlib import Path
@@ -65,8 +65,8 @@ _NAMES = ('law', 'switching')
 CHOOSES_CODE = (*_NAMES, *ENABLING)
 """Live parameters that require other compiled code."""
 
-_NICE_OF_REQUEST, _NICE_OF_PREPARATION = 5, 19
-"""Nice values of the compiling processes; nodes have 0, because they must not be late."""
+_NICENESS = 5
+"""Nice value of compiling processes; nodes have 0, because they must not be late."""
 
 _LONGEST_REASON = 200
 """Largest number of logged characters of the cause of an error."""
@@ -235,6 +235,51 @@ def prepare(mechanism: Mechanism) -> subprocess.Popen[bytes] | None:
     return _started(mechanism, None)
 
 
+class Preparation:
+    """
+    Process that compiles all laws, and pauses while another process compiles a requested law.
+
+    A node and two compiling processes need more than two processors.
+    """
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        """Load the kernels, or start a process that compiles them."""
+        self._mechanism = mechanism
+        self._lock = Lock()
+        self._pauses = 0
+        self._process = prepare(mechanism)
+
+    @contextmanager
+    def paused(self) -> Iterator[None]:
+        """End the process, and start it again afterwards unless it has finished; for threads."""
+        with self._lock:
+            self._pauses += 1
+            if self._process is not None and self._process.poll() is None:
+                _end(self._process)
+        try:
+            yield
+        finally:
+            with self._lock:
+                self._pauses -= 1
+                was_ended = self._process is not None and self._process.returncode != 0
+                if was_ended and self._pauses == 0:
+                    self._process = _started(self._mechanism, None)
+
+    def close(self) -> None:
+        """End the process; it does not start again."""
+        with self._lock:
+            if self._process is not None:
+                _end(self._process)
+            self._process = None
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    process.kill()
+    process.wait()
+    if process.stdin is not None:
+        process.stdin.close()
+
+
 class Effect(NamedTuple):
     """Effect of requested parameter values."""
 
@@ -259,11 +304,12 @@ class LawChange:
     here waits, except `close`.
     """
 
-    def __init__(self, controller: Controller) -> None:
-        """Load the code of a controller; no change is pending."""
+    def __init__(self, controller: Controller, preparation: Preparation | None = None) -> None:
+        """Load the code of a controller; a pending change pauses a preparation."""
         self._controller = controller
         self._known: dict[tuple[str, str, bool], Code] = {}
         self._code_of(controller.values).load()
+        self._preparation = preparation
         self._wanted: MutableValues = {}
         self._making: _Making | None = None
 
@@ -306,7 +352,11 @@ class LawChange:
         if self._making is None or self._making.code.name != code.name:
             self._drop()
             self._making = _Making(
-                self._controller.mechanism, code, {**active, **self._wanted}
+                self._controller.mechanism,
+                code,
+                {**active, **self._wanted},
+                self._preparation,
+                is_awaited=waits,
             )
         elif not any(name in values for name in CHOOSES_CODE):
             # For the active law and for the requested one, which becomes active later.
@@ -395,13 +445,22 @@ class _Making(Thread):
 
     """
 
-    def __init__(self, mechanism: Mechanism, code: Code, values: Values) -> None:
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        code: Code,
+        values: Values,
+        preparation: Preparation | None,
+        *,
+        is_awaited: bool,
+    ) -> None:
         """Start the thread for code of a controller with these parameter values."""
         super().__init__(name='law code', daemon=True)
         self.code = code
         self.failure: str | None = None
         self.duration = 0.0
-        self._mechanism = mechanism
+        self._mechanism, self._preparation = mechanism, preparation
+        self._is_awaited = is_awaited
         self._values = {name: values[name] for name in (*CHOOSES_CODE, COMMAND_INTERFACE.name)}
         self._lock = Lock()
         self._is_stopped = False
@@ -413,7 +472,8 @@ class _Making(Thread):
         start = time.monotonic()
         try:
             if not self.code.is_whole_on_disk:
-                self.failure = self._compile()
+                with self._preparation.paused() if self._preparation else nullcontext():
+                    self.failure = self._compile()
             if self.failure is None and not self._is_stopped:
                 self.code.load()
         except Exception as error:
@@ -432,7 +492,9 @@ class _Making(Thread):
         with self._lock:
             if self._is_stopped:
                 return 'stopped'
-            self._process = _started(self._mechanism, self._values)
+            self._process = _started(
+                self._mechanism, self._values, is_awaited=self._is_awaited
+            )
         process = self._process
         assert process.stdin is not None
         assert process.stdout is not None
@@ -464,20 +526,41 @@ def _one_line(error: BaseException) -> str:
     return text if len(text) <= _LONGEST_REASON else f'{text[:_LONGEST_REASON]} ...'
 
 
-def _started(mechanism: Mechanism, values: Values | None) -> subprocess.Popen[bytes]:
-    """Start a process that compiles the code for parameter values, or all code for None."""
+def _started(
+    mechanism: Mechanism, values: Values | None, *, is_awaited: bool = False
+) -> subprocess.Popen[bytes]:
+    """
+    Start a process that compiles the code for parameter values, or all code for None.
+
+    `is_awaited` is True if no tick is computed meanwhile; otherwise only idle processors compile.
+    """
     process = subprocess.Popen(
         [sys.executable, '-m', __name__],
         stdin=subprocess.PIPE,
         stdout=subprocess.DEVNULL if values is None else subprocess.PIPE,
         stderr=subprocess.DEVNULL,
     )
+    _lower_priority(process, is_awaited=is_awaited)
     assert process.stdin is not None
     with suppress(BrokenPipeError):
         request = {'robot': mechanism.choice, 'values': values}
         process.stdin.write(json.dumps(request).encode() + b'\n')
         process.stdin.flush()
     return process
+
+
+def _lower_priority(process: subprocess.Popen[bytes], *, is_awaited: bool) -> None:
+    """
+    Lower the priority of a started process.
+
+    The process has that of its node, perhaps a real-time one, while it imports modules. Linux
+    interrupts processes of `SCHED_IDLE` at once if a node has to run, others after up to 3 ms.
+    """
+    if hasattr(os, 'sched_setscheduler'):
+        policy = os.SCHED_OTHER if is_awaited else os.SCHED_IDLE
+        os.sched_setscheduler(process.pid, policy, os.sched_param(0))
+    if hasattr(os, 'setpriority'):
+        os.setpriority(os.PRIO_PROCESS, process.pid, _NICENESS)
 
 
 def main() -> None:
@@ -490,11 +573,6 @@ def main() -> None:
     # Standard input comes from the requesting node and is closed when the node ends.
     Thread(target=_end_with_parent, daemon=True).start()
     values = request['values']
-    if hasattr(os, 'sched_setscheduler'):
-        # Otherwise the process has the real-time priority of a node that has one.
-        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
-    if hasattr(os, 'nice'):
-        os.nice(_NICE_OF_PREPARATION if values is None else _NICE_OF_REQUEST)
     try:
         # A user law may print while it is imported.
         with redirect_stdout(sys.stderr):

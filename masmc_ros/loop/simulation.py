@@ -12,7 +12,7 @@ from masmc_ros.aliases import Array, Records
 from masmc_ros.errors import InputError
 from masmc_ros.jit.record import uninitialised
 from masmc_ros.law.command_interface import check_agreement
-from masmc_ros.loop.closed_loop import closed_loop
+from masmc_ros.loop.closed_loop import closed_loop, plant_step_of
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.controller_events import (
     ACTIVATED,
@@ -192,6 +192,7 @@ class Simulation:
         """Compute ticks in one call; return True if all commands and positions are finite."""
         plant, controller = self.plant, self.controller
         is_finite: bool = closed_loop(
+            plant_step_of(plant.settings, plant.memory, plant.delayed, plant.signals),
             plant.settings,
             plant.memory,
             plant.delayed,

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Compilation: bound functions, thresholds of the garbage collection, copies of records."""
+"""Compilation: bound and called functions, garbage collection, copies of records."""
 
 from __future__ import annotations
 
@@ -10,8 +10,18 @@ import gc
 import time
 from typing import Any
 
-from masmc_ros.aliases import Records
-from masmc_ros.jit.compiled import bound, is_loaded, kernel
+from masmc_ros.aliases import Function, Records
+from masmc_ros.jit.compiled import (
+    address_of,
+    bound,
+    called_by_address,
+    formula,
+    interpreted,
+    is_interpreted,
+    is_loaded,
+    is_whole_on_disk,
+    kernel,
+)
 from masmc_ros.jit.field import Field
 from masmc_ros.jit.lanes import lane_of
 from masmc_ros.jit.record import copied, copy_to, lane_count, new_record
@@ -93,3 +103,50 @@ def test_copied_record_large_compiles_as_fast_as_small() -> None:
     increased(record)
     assert time.process_time() - start < 3.0
     assert (record['value'] == 1.0).all()
+
+
+@called_by_address
+def _doubled(value: float) -> float:
+    return 2.0 * value
+
+
+@kernel
+def _doubled_sum(function: Function, a: float, b: float) -> float:
+    return float(function(a) + function(b))
+
+
+@kernel
+def _doubled_difference(function: Function, a: float, b: float) -> float:
+    return float(function(a) - function(b))
+
+
+@formula
+def _tripled(value: float) -> float:
+    return 3.0 * value
+
+
+@kernel
+def _tripled_twice(value: float) -> float:
+    return _tripled(_tripled(value))
+
+
+@pytest.mark.skipif(is_interpreted(), reason='interpreted kernels inline it')
+def test_function_called_by_address_compiles_once() -> None:
+    with event.install_recorder('numba:compile') as compilations:
+        doubled = address_of(_doubled, 1.0)
+        assert doubled is not None
+        assert _doubled_sum(doubled, 3.0, 1.0) == 8.0
+        assert _doubled_difference(address_of(_doubled, 1.0), 3.0, 1.0) == 4.0
+    names = [built.data['dispatcher'].py_func.__name__ for _, built in compilations.buffer]
+    assert names.count('_doubled') <= 2, 'a start and an end, unless it is loaded'
+    assert is_whole_on_disk(_doubled, 1.0)
+    with interpreted():
+        assert address_of(_doubled, 1.0) is None
+
+
+@pytest.mark.skipif(is_interpreted(), reason='nothing is compiled')
+def test_formula_in_kernel_has_no_machine_code() -> None:
+    assert _tripled_twice(2.0) == 18.0
+    code = next(iter(_tripled._compiled.overloads.values()))  # type: ignore[attr-defined]
+    assert code.library.get_pointer_to_function(code.fndesc.llvm_func_name) == 0
+    assert _tripled(2.0) == 6.0

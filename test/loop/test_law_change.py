@@ -28,7 +28,15 @@ class FakeCompilation:
 
     made: list[FakeCompilation]
 
-    def __init__(self, mechanism: Any, code: Code, values: dict[str, Any]) -> None:
+    def __init__(
+        self,
+        mechanism: Any,
+        code: Code,
+        values: dict[str, Any],
+        preparation: Any,
+        *,
+        is_awaited: bool,
+    ) -> None:
         self.code, self.values = code, values
         self.failure: str | None = None
         self.duration = 2.0

@@ -56,7 +56,7 @@ def test_preparation_law_source_changed_is_repeated(
 
 def test_preparation_process_has_no_real_time_priority() -> None:
     script = (
-        'import os, sys, time\n'
+        'import os, sys\n'
         'from masmc_ros.loop import preparation\n'
         'from masmc_ros.robot.two_link.paper_robot import TWO_LINK\n'
         'try:\n'
@@ -64,14 +64,37 @@ def test_preparation_process_has_no_real_time_priority() -> None:
         'except OSError:\n'
         '    sys.exit(77)\n'
         'process = preparation._started(TWO_LINK, None)\n'
-        'while process.poll() is None and os.sched_getscheduler(process.pid) == os.SCHED_FIFO:\n'
-        '    time.sleep(0.01)\n'
-        'sys.exit(process.poll() is not None)\n'
+        'awaited = preparation._started(TWO_LINK, None, is_awaited=True)\n'
+        'policies = [os.sched_getscheduler(p.pid) for p in (process, awaited)]\n'
+        'for p in (process, awaited):\n'
+        '    p.kill()\n'
+        'sys.exit(policies != [os.SCHED_IDLE, os.SCHED_OTHER])\n'
     )
     status = subprocess.run([sys.executable, '-c', script], timeout=TIMEOUT).returncode
     if status == 77:
         pytest.skip('no permission for real-time priority')
     assert status == 0
+
+
+def test_preparation_pauses_while_a_request_compiles(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(preparation, 'mark', lambda mechanism: tmp_path / 'not there')
+    prepared = preparation.Preparation(TWO_LINK)
+    first = prepared._process
+    assert first is not None
+    with prepared.paused(), prepared.paused():
+        assert first.returncode is not None
+        assert prepared._process is first
+    second = prepared._process
+    assert second is not None
+    assert second is not first
+    assert second.poll() is None
+    prepared.close()
+    assert second.returncode is not None
+    with prepared.paused():
+        pass
+    assert prepared._process is None
 
 
 def test_preparation_process_node_exits_ends(

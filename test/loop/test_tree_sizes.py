@@ -11,13 +11,15 @@ import sys
 
 from helpers.child_environment import child_environment
 from helpers.small_tree import hand_at_start, URDF, write_scenario
+from masmc_ros.aliases import Function
 from masmc_ros.errors import InputError
-from masmc_ros.jit.compiled import kernel
+from masmc_ros.jit.compiled import address_of, called_by_address, Kernel, kernel
 from masmc_ros.jit.field import Field
 from masmc_ros.jit.lanes import lane_of
 from masmc_ros.jit.record import AT_RUN_TIME, new_record
 from masmc_ros.jit.tuples import elementwise
 from masmc_ros.jit.vectors import check_workspace, free, mark
+from masmc_ros.loop.closed_loop import _plant_step
 from masmc_ros.loop.dense import tick_input
 from masmc_ros.loop.layer_bound import least_task_inertia
 from masmc_ros.loop.simulation import Simulation
@@ -79,6 +81,15 @@ def test_second_and_third_urdf_compile_nothing(tmp_path: Path) -> None:
         assert _signals(third).shape[1] == 4
     compiled = {built.data['dispatcher'].py_func.__qualname__ for _, built in compilations.buffer}
     assert compiled == set()
+
+
+@pytest.mark.slow
+def test_plant_of_all_laws_has_one_compiled_code(tmp_path: Path) -> None:
+    path = write_scenario(tmp_path, hand_at_start(), 0.02)
+    for law in ('rasmc', 'smc'):
+        assert _signals(path, f'controller.law={law}').shape[1] == 7
+    if isinstance(_plant_step, Kernel):
+        assert len(_plant_step.overloads) == 1
 
 
 @pytest.mark.slow
@@ -151,6 +162,31 @@ def test_full_workspace_raises_one_line() -> None:
     assert '\n' not in str(error.value)
     # The next call is not affected.
     assert _sum(records, 1, True) == 300.0 * 299.0
+
+
+@called_by_address
+def _fill_workspace(record: np.void, repetitions: int) -> None:
+    row = lane_of(record, 0)
+    for _ in range(repetitions):
+        elementwise(plus, row.values, row.values)
+
+
+@kernel
+def _fill_by_address(function: Function, records: np.ndarray, repetitions: int) -> None:
+    row = records[0]
+    function(row, repetitions)
+    check_workspace(row)
+
+
+@pytest.mark.skipif(not hasattr(_sum, 'overloads'), reason='interpreted code has no workspace')
+def test_full_workspace_in_called_function_raises() -> None:
+    """A function that a kernel calls by its address has the workspace of the kernel."""
+    records = _records(300)
+    function = address_of(_fill_workspace, records[0], 1)
+    assert function is not None
+    _fill_by_address(function, records, 1)
+    with pytest.raises(InputError, match=r'^workspace of \d+ bytes is full: '):
+        _fill_by_address(function, records, 100_000)
 
 
 def test_record_of_another_type_raises() -> None:

@@ -38,7 +38,7 @@ from masmc_ros.law import registry
 from masmc_ros.law.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CMD_VEL, takes_rates
 from masmc_ros.loop import records
 from masmc_ros.loop.controller import Controller
-from masmc_ros.loop.preparation import Effect, LawChange, prepare
+from masmc_ros.loop.preparation import Effect, LawChange, Preparation
 from masmc_ros.loop.safe_stop import HOLD, SafeStop
 from masmc_ros.loop.simulated_robot import stamp_age
 from masmc_ros.loop.timing import Timing
@@ -128,9 +128,9 @@ class ControllerNode(SuiteNode):
             Finish: self._finish,
         }
         self._compile()
-        self._law_change = LawChange(controller)
+        self._preparation = Preparation(controller.mechanism)
+        self._law_change = LawChange(controller, self._preparation)
         self._has_plant_parameters = False
-        self._preparation = prepare(controller.mechanism)
 
     def connect(self) -> None:
         """Create the publishers, services, timers and subscriptions."""
@@ -184,12 +184,10 @@ class ControllerNode(SuiteNode):
 
     def close(self, spin: Callable[[], None]) -> None:
         """Send a void command in real time, deliver all messages, and stop compiling."""
-        if self._preparation is not None:
-            self._preparation.kill()
-            self._preparation.wait()
         if not self.finished:
             self._perform(self._core.on_shutdown())
         self._law_change.close()
+        self._preparation.close()
         self._background.close()
         super().close(spin)
 
