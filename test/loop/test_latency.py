@@ -137,23 +137,30 @@ def test_tiago_latency_10_ms_error_below_tenth_mm() -> None:
     assert result('tiago.yaml', *settings)[0] < 0.1
 
 
-@pytest.mark.slow
-def test_tiago_all_effects_observer_keeps_path() -> None:
-    """
-    Motor lag, jitter, encoders without velocities, stiction and torque limits, with adaptation.
+DRIVES = {
+    'tiago.yaml': (6.0, 6.0, 2000.0, 39.0, 39.0, 17.86, 17.86, 3.0, 6.6, 6.6),
+    'ur5.yaml': (150.0, 150.0, 150.0, 28.0, 28.0, 28.0),
+}
+"""Torque limits of the drives in N·m."""
 
-    With an observer of 1000 rad/s the error is 9.5 mm, because noise saturates joints.
+
+def all_effects(file: str, latency: int) -> tuple[str, ...]:
     """
-    drives = np.array([6.0, 6.0, 2000.0, 39.0, 39.0, 17.86, 17.86, 3.0, 6.6, 6.6])
-    settings = (
+    Return the settings of all effects together; the latency is in ms.
+
+    They are motor lag, jitter, encoders without velocities, stiction and torque limits. The
+    controller adapts, and its other gains are those of the rule.
+    """
+    drives = np.array(DRIVES[file])
+    return (
         'controller.law=rasmc',
         'controller.switching=implicit',
         'controller.velocity_source=estimated',
-        'controller.latency=0.005',
+        f'controller.latency={1e-3 * latency}',
         'controller.motor_lag=0.005',
         f'controller.torque_limit={(0.7 * drives).tolist()}',
-        'plant.measurement_delay=0.002',
-        'plant.command_delay=0.003',
+        f'plant.measurement_delay={1e-3 * (latency // 2)}',
+        f'plant.command_delay={1e-3 * (latency - latency // 2)}',
         'plant.delay_jitter=0.25',
         'plant.motor_lag=0.005',
         'plant.encoder_resolution=0.0001',
@@ -161,7 +168,25 @@ def test_tiago_all_effects_observer_keeps_path() -> None:
         f'plant.stiction.torque={(0.02 * drives).tolist()}',
         f'plant.torque_limit={(0.7 * drives).tolist()}',
     )
-    assert result('tiago.yaml', *settings)[0] < 2.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(('latency', 'largest'), [(2, 0.2), (5, 0.35), (10, 0.7), (20, 3.0)])
+@pytest.mark.parametrize('file', list(DRIVES))
+def test_tree_all_effects_has_documented_error(file: str, latency: int, largest: float) -> None:
+    assert result(file, *all_effects(file, latency))[0] < largest
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('period', [0.001, 0.01])
+@pytest.mark.parametrize('lag', [0.002, 0.02])
+def test_planar_robot_motor_lag_without_latency_does_not_chatter(
+    period: float, lag: float
+) -> None:
+    lags = (f'plant.motor_lag={lag}', f'controller.motor_lag={lag}')
+    error, variation = result('paper.yaml', *SMC, f'control_period={period}', *lags)
+    assert error < 5.0
+    assert variation < 15.0
 
 
 @pytest.mark.slow
