@@ -60,14 +60,14 @@ A constant error of this size is tolerated. Stamps can deceive: a simulated plan
 itself continues from its last tick.
 """
 
-HORIZON = 1.5
+HORIZON = 1.25
 """
 Horizon h in latencies.
 
 A smaller one is more accurate and tolerates smaller errors of latency and masses.
 """
 
-SLOPE = 0.3
+SLOPE = 0.27
 """Gain beta_2 of the slope, as a multiple of beta squared."""
 
 BANDWIDTH = 200.0
@@ -78,7 +78,7 @@ A faster one turns steps of the encoders into torques. Heavy joints and those cl
 limit then lose the path.
 """
 
-LAG_SHARE, LEAST_LAG_SHARE = 0.25, 0.5
+LAG_SHARE, LEAST_LAG_SHARE = 0.25, 0.75
 """
 Shares of the motor lag in the latency of the rule for h and beta: added, and the least.
 
