@@ -60,15 +60,20 @@ A constant error of this size is tolerated. Stamps can deceive: a simulated plan
 itself continues from its last tick.
 """
 
-HORIZON = 1.25
+HORIZON = 1.2
 """
 Horizon h in latencies.
 
 A smaller one is more accurate and tolerates smaller errors of latency and masses.
 """
 
-SLOPE = 0.27
-"""Gain beta_2 of the slope, as a multiple of beta squared."""
+SLOPE, SLOPE_WITHOUT_LATENCY = 0.25, 0.3
+"""
+Gain beta_2 of the slope, as a multiple of beta squared, with and without latency.
+
+A larger one is more accurate. With latency the loop then oscillates if the assumed masses are less
+than 0.4 of the true ones.
+"""
 
 BANDWIDTH = 200.0
 """
@@ -127,8 +132,8 @@ PARAMETERS = (
     Parameter(
         'compensation.horizon',
         0.0,
-        'Time h in which the implicit law reaches the surface, with latency; 0: 1.5 times the '
-        'latency plus a quarter of motor_lag, at least 1.5 periods',
+        'Time h in which the implicit law reaches the surface, with latency; 0: 1.2 times the '
+        'latency plus a quarter of motor_lag, at least 1.2 periods',
         unit='s',
         minimum=0.0,
         read_only=False,
@@ -145,8 +150,9 @@ PARAMETERS = (
     ),
     Parameter(
         'compensation.slope',
-        SLOPE,
-        'Gain beta_2 of the slope of the disturbance estimate, as a multiple of beta squared',
+        0.0,
+        'Gain beta_2 of the slope of the disturbance estimate, as a multiple of beta squared; 0: '
+        '0.25 with latency, 0.3 without',
         minimum=0.0,
         maximum=1.0,
         read_only=False,
@@ -302,6 +308,14 @@ def estimate_gain(settings: Settings) -> float:
     chosen, latency = settings.compensation_gain, _latency_of_rule(settings)
     period = settings.period
     return chosen if chosen > 0.0 else (period / latency if latency > 4.0 * period else 0.25)
+
+
+@formula
+def _slope(settings: Settings) -> float:
+    """Return beta_2 as a multiple of beta squared."""
+    chosen = settings.compensation_slope
+    of_rule = SLOPE if _usual_latency(settings) > 0.0 else SLOPE_WITHOUT_LATENCY
+    return chosen if chosen > 0.0 else of_rule
 
 
 # History of commands.
@@ -512,7 +526,7 @@ def _follow_state(
             rates,
             estimate_gain(settings),
         )
-        slope_gain = settings.compensation_slope * gain * gain
+        slope_gain = _slope(settings) * gain * gain
         if is_estimated:
             bandwidth = filter_bandwidth(settings, BANDWIDTH)
             gains = observer_gains(bandwidth, elapsed, gain, slope_gain)
