@@ -64,5 +64,5 @@ class TickBlock:
         return self.signals[name].reshape(len(self.signals), -1)
 
     def true_error(self, robot: Robot) -> Array:
-        """Return the true error x - x_d (n, axes) in m; `robot` is the true robot."""
-        return robot.task_positions(self.true_position) - self.reference[:, :self.error.shape[1]]
+        """Return the task error (n, axes) of the true state; `robot` is the true robot."""
+        return robot.task_errors(self.true_position, self.reference[:, :self.error.shape[1]])

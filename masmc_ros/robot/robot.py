@@ -60,6 +60,21 @@ class Robot:
         positions: Array = _task_positions(self.body, position)
         return positions
 
+    def task_errors(self, position: Array, desired: Array) -> Array:
+        """
+        Return the task errors (n, axes) of positions, as laws compute them.
+
+        Parameters
+        ----------
+        position
+            Positions (n, positions) in the order of joint_states.
+        desired
+            x_d (n, axes) in m and rad.
+
+        """
+        errors: Array = _task_errors(self.body, position, desired)
+        return errors
+
     def start(self, pose: tuple[float, ...], angles: tuple[float, ...]) -> tuple[float, ...]:
         """Return the positions of `initial_pose` and of the joints' angles."""
         positions: tuple[float, ...] = self.mechanism.formulas.start(self.values, pose, angles)
@@ -169,5 +184,21 @@ def _task_positions(body: Records, position: Array) -> Array:
         x = formulas.task_position(model, formulas.posture(model, at), at)
         for i in range(len(x)):
             out[k, i] = x[i]
+    check_workspace(robot)
+    return out
+
+
+@kernel
+def _task_errors(body: Records, position: Array, desired: Array) -> Array:
+    robot = lane_of(body[0], 0)
+    model = formulas.model_of(robot)
+    out = np.empty((len(position), len(robot.error)))
+    place = mark(robot)
+    for k in range(len(position)):
+        free(robot, place)
+        at, aim = to_vector(position[k], robot.position), to_vector(desired[k], robot.error)
+        e = formulas.task_error(model, formulas.posture(model, at), at, aim)
+        for i in range(len(e)):
+            out[k, i] = e[i]
     check_workspace(robot)
     return out

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from helpers.core_loop import node_values
@@ -23,7 +24,7 @@ from masmc_ros.law.parts.delay_compensation import (
     SETTINGS,
 )
 from masmc_ros.law.parts.velocity_estimator import filter_bandwidth
-from masmc_ros.loop.closed_loop import predict_state
+from masmc_ros.loop.closed_loop import limit_torque, predict_state, reduce_torque
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.robot.robot import robot_of
@@ -82,6 +83,24 @@ def test_prediction_true_model_equals_true_state(delay: float) -> None:
     position, velocity = loop.predicted()
     np.testing.assert_allclose(position, loop.plant.true_position, atol=2e-6)
     np.testing.assert_allclose(velocity, loop.plant.true_velocity, atol=2e-4)
+
+
+@pytest.mark.parametrize('lag', [0.003, 0.02])
+def test_prediction_motor_lag_true_model_equals_true_state(lag: float) -> None:
+    """The predicted state is that after the delay and the lag, if the last command holds."""
+    delay = 0.005
+    moving = {'initial_velocity': (2.0, -1.0, 0.5, 1.0), 'measurement_delay': delay}
+    loop = DelayedLoop({**moving, 'motor_lag': lag}, latency=delay, motor_lag=lag)
+    loop.run(1000)
+    # Torques change quickly while the robot turns back.
+    loop.reference[:4] += 0.05, 0.05, 0.1, 0.1
+    loop.run(30)
+    position, velocity = loop.predicted()
+    for _ in range(round(lag / PERIOD)):
+        loop.plant.advance(loop.controller.torque)
+    # Heun steps of 5 ms approximate the change of the torque within a step.
+    np.testing.assert_allclose(position, loop.plant.true_position, atol=1.5e-4)
+    np.testing.assert_allclose(velocity, loop.plant.true_velocity, atol=2e-3)
 
 
 @pytest.mark.slow
@@ -156,12 +175,78 @@ def test_rule_sets_horizon_gain_and_bandwidth() -> None:
         values: tuple[float, float, float] = rule_of(settings)
         return values
 
-    assert rule(latency=0.01) == pytest.approx((0.015, 0.1, 200.0))
-    assert rule(latency=0.006, motor_lag=0.004) == pytest.approx((0.015, 0.1, 200.0))
-    assert rule(latency=0.0005) == pytest.approx((0.0015, 0.25, 200.0))
+    assert rule(latency=0.01) == pytest.approx((0.012, 0.1, 200.0))
+    assert rule(latency=0.0068, motor_lag=0.0128) == pytest.approx((0.012, 0.1, 200.0))
+    assert rule(motor_lag=0.016) == pytest.approx((0.0144, 1.0 / 12.0, 200.0))
+    assert rule(latency=0.0005) == pytest.approx((0.0012, 0.25, 200.0))
     explicit = {'compensation.horizon': 0.003, 'compensation.gain': 0.4}
     assert rule(latency=0.01, **explicit) == pytest.approx((0.003, 0.4, 200.0))
-    assert rule(latency=0.01, estimator_bandwidth=1000.0) == pytest.approx((0.015, 0.1, 1000.0))
+    assert rule(latency=0.01, estimator_bandwidth=1000.0) == pytest.approx((0.012, 0.1, 1000.0))
+
+
+class LimitedTorques:
+    """Torques of a law at rest, after the compensation and the limit of the first joint."""
+
+    LIMIT = 10.0
+
+    def __init__(self, rate_limit: float = 0.0) -> None:
+        """Initialise the controller of a robot with exact model, without disturbance."""
+        limits = {
+            'torque_limit': (self.LIMIT, *(0.0,) * 3),
+            'torque_rate_limit': (rate_limit, *(0.0,) * 3),
+        }
+        self._controller = DelayedLoop({}, latency=0.005, **limits).controller
+
+    def limited(self, requests: Sequence[float]) -> NDArray[np.float64]:
+        """Return the commanded torques of the first joint for those that a law requests."""
+        controller = self._controller
+        memory, signals = controller.memory.copy(), controller.signals.copy()
+        commanded = []
+        for request in requests:
+            signals['raw_torque'] = 0.0
+            signals['raw_torque'][0, 0, 0] = request
+            reduce_torque(controller.settings, memory, signals, signals)
+            limit_torque(controller.settings, memory, signals)
+            commanded.append(signals['torque'][0, 0, 0])
+        return np.array(commanded)
+
+
+@PROPERTY
+@given(
+    mean=st.floats(-0.95, 0.95),
+    noise=st.lists(st.floats(0.0, 0.99), min_size=1, max_size=5),
+)
+def test_noise_beyond_limit_mean_torque_is_kept(mean: float, noise: list[float]) -> None:
+    """Symmetric noise that the limit cuts on one side does not change the mean torque."""
+    limit = LimitedTorques.LIMIT
+    swing = [sign * value * abs(mean) for value in noise for sign in (1.0, -1.0)]
+    requests = limit * (mean + np.array(swing * 60))
+    torques = LimitedTorques().limited(requests)
+    assert np.abs(torques).max() <= limit
+    late = len(requests) // 2
+    # The remainder of one swing is added in the next one.
+    allowed = 2.0 * sum(noise) * limit / late
+    assert torques[late:].mean() == pytest.approx(mean * limit, abs=allowed + 1e-9)
+
+
+@pytest.mark.parametrize('share', [2.0, 50.0])
+def test_saturation_ends_within_milliseconds(share: float) -> None:
+    limit = LimitedTorques.LIMIT
+    requests = [share * limit] * 2000 + [0.5 * limit] * 50
+    torques = LimitedTorques().limited(requests)
+    assert (torques[:2000] == limit).all()
+    # 5 ms of the limit are added, half of the limit is free.
+    np.testing.assert_allclose(torques[2011:], 0.5 * limit)
+    # A request that turns is followed at once.
+    turned = LimitedTorques().limited([share * limit] * 2000 + [-0.1 * limit])
+    assert turned[-1] == -0.1 * limit
+
+
+def test_withheld_torque_rate_limit_adds_nothing() -> None:
+    limit = LimitedTorques.LIMIT
+    requests = [2.0 * limit] * 200 + [0.9 * limit] * 2
+    torques = LimitedTorques(rate_limit=1000.0 * limit).limited(requests)
+    np.testing.assert_allclose(torques[-2:], 0.9 * limit)
 
 
 def test_latency_zero_has_no_further_state() -> None:

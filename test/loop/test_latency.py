@@ -137,23 +137,30 @@ def test_tiago_latency_10_ms_error_below_tenth_mm() -> None:
     assert result('tiago.yaml', *settings)[0] < 0.1
 
 
-@pytest.mark.slow
-def test_tiago_all_effects_observer_keeps_path() -> None:
-    """
-    Motor lag, jitter, encoders without velocities, stiction and torque limits, with adaptation.
+DRIVES = {
+    'tiago.yaml': (6.0, 6.0, 2000.0, 39.0, 39.0, 17.86, 17.86, 3.0, 6.6, 6.6),
+    'ur5.yaml': (150.0, 150.0, 150.0, 28.0, 28.0, 28.0),
+}
+"""Torque limits of the drives in N·m."""
 
-    With an observer of 1000 rad/s the error is 9.5 mm, because noise saturates joints.
+
+def all_effects(file: str, latency: int) -> tuple[str, ...]:
     """
-    drives = np.array([6.0, 6.0, 2000.0, 39.0, 39.0, 17.86, 17.86, 3.0, 6.6, 6.6])
-    settings = (
+    Return the settings of all effects together; the latency is in ms.
+
+    They are motor lag, jitter, encoders without velocities, stiction and torque limits. The
+    controller adapts, and its other gains are those of the rule.
+    """
+    drives = np.array(DRIVES[file])
+    return (
         'controller.law=rasmc',
         'controller.switching=implicit',
         'controller.velocity_source=estimated',
-        'controller.latency=0.005',
+        f'controller.latency={1e-3 * latency}',
         'controller.motor_lag=0.005',
         f'controller.torque_limit={(0.7 * drives).tolist()}',
-        'plant.measurement_delay=0.002',
-        'plant.command_delay=0.003',
+        f'plant.measurement_delay={1e-3 * (latency // 2)}',
+        f'plant.command_delay={1e-3 * (latency - latency // 2)}',
         'plant.delay_jitter=0.25',
         'plant.motor_lag=0.005',
         'plant.encoder_resolution=0.0001',
@@ -161,7 +168,54 @@ def test_tiago_all_effects_observer_keeps_path() -> None:
         f'plant.stiction.torque={(0.02 * drives).tolist()}',
         f'plant.torque_limit={(0.7 * drives).tolist()}',
     )
-    assert result('tiago.yaml', *settings)[0] < 2.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ('latency', 'distance', 'angle'), [(2, 0.2, 1.5), (5, 0.35, 3.0), (10, 0.7, 6.0), (20, 3.0, 25)]
+)
+@pytest.mark.parametrize('file', list(DRIVES))
+def test_tree_all_effects_has_documented_error(
+    file: str, latency: int, distance: float, angle: float
+) -> None:
+    """RMS of the tip in mm and mrad."""
+    settings = all_effects(file, latency)
+    simulation = Simulation(load_scenario(str(ROOT / 'config' / file), settings))
+    (run,) = simulation.run(block=30_000)
+    error = run.true_error(simulation.plant.robot)
+    place, turned = np.split(error[len(error) // 2:-1], 2, axis=1)
+    assert 1e3 * float(np.sqrt((place**2).sum(axis=1).mean())) < distance
+    assert 1e3 * float(np.sqrt((turned**2).sum(axis=1).mean())) < angle
+
+
+@pytest.mark.slow
+def test_planar_robot_all_effects_light_model_does_not_oscillate() -> None:
+    """A payload makes the assumed masses less than half of the true ones; nothing adapts."""
+    settings = (
+        'controller.model_scale=0.5',
+        'plant.payload.mass=0.2',
+        'plant.measurement_delay=0.002',
+        'plant.command_delay=0.003',
+        'plant.motor_lag=0.002',
+        'plant.encoder_resolution=0.0001',
+        'plant.measures_velocity=false',
+        'controller.velocity_source=estimated',
+        'controller.latency=0.005',
+        'controller.motor_lag=0.002',
+    )
+    assert result('paper.yaml', *SMC, *settings)[0] < 0.6
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('period', [0.001, 0.01])
+@pytest.mark.parametrize('lag', [0.002, 0.02])
+def test_planar_robot_motor_lag_without_latency_does_not_chatter(
+    period: float, lag: float
+) -> None:
+    lags = (f'plant.motor_lag={lag}', f'controller.motor_lag={lag}')
+    error, variation = result('paper.yaml', *SMC, f'control_period={period}', *lags)
+    assert error < 5.0
+    assert variation < 15.0
 
 
 @pytest.mark.slow

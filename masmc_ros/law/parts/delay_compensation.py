@@ -4,16 +4,19 @@
 """
 Compensation of latency for every law: prediction, and a disturbance estimate with a slope.
 
-L is the time from the measurement of a state to the first effect of the torque that answers it.
-The estimate compares each measured state with one step of the model from the previous one, under
-the torque that acted meanwhile. Then the model predicts the state after L, in which the law, its
-reference and its regressor are evaluated. d is an acceleration of the mechanism's velocities,
+L is the time from the measurement of a state to the effect of the torque that answers it: the
+latency, until this torque starts to act, and the lag of the motors. The estimate compares each
+measured state with one step of the model from the previous one, under the torque that acted
+meanwhile. Then the model predicts the state after L, in which the law, its reference and its
+regressor are evaluated; until then the last command holds. d is an acceleration of the
+mechanism's velocities,
 
     f = (v - v_model) / T,   delta <- delta + beta_2 f,   d <- d + beta f + delta,
 
-and the torque of any law is reduced by H (d + (L / T + 1) delta). docs/theory/latency.md derives
-the gains. A base that follows velocities is predicted by its lag (`moving_base`). Without latency
-the compiled code contains none of this: `COMPENSATIONS` selects it.
+and the torque of any law is reduced by H (d + (L / T + 1) delta). Torque that a limit withholds is
+added to the next torques. docs/theory/latency.md derives the gains. A base that follows velocities
+is predicted by its lag (`moving_base`). Without latency the compiled code contains none of this:
+`COMPENSATIONS` selects it.
 """
 
 from __future__ import annotations
@@ -34,7 +37,8 @@ from masmc_ros.law.parts import moving_base
 from masmc_ros.law.parts.slip import backed_off
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED, filter_bandwidth
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.scalars import minus, moved, plus, zero
+from masmc_ros.numerics.portable_math import exp
+from masmc_ros.numerics.scalars import minus, moved, plus, selected, zero
 from masmc_ros.params.declaration import Parameter, Values
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.formula_types import MechanismPosture
@@ -56,15 +60,20 @@ A constant error of this size is tolerated. Stamps can deceive: a simulated plan
 itself continues from its last tick.
 """
 
-HORIZON = 1.5
+HORIZON = 1.2
 """
 Horizon h in latencies.
 
 A smaller one is more accurate and tolerates smaller errors of latency and masses.
 """
 
-SLOPE = 0.3
-"""Gain beta_2 of the slope, as a multiple of beta squared."""
+SLOPE, SLOPE_WITHOUT_LATENCY = 0.25, 0.3
+"""
+Gain beta_2 of the slope, as a multiple of beta squared, with and without latency.
+
+A larger one is more accurate. With latency the loop then oscillates if the assumed masses are less
+than 0.4 of the true ones.
+"""
 
 BANDWIDTH = 200.0
 """
@@ -72,6 +81,23 @@ Default bandwidth in rad/s of the observer for angles without velocities.
 
 A faster one turns steps of the encoders into torques. Heavy joints and those close to their torque
 limit then lose the path.
+"""
+
+LAG_SHARE, LEAST_LAG_SHARE = 0.25, 0.75
+"""
+Shares of the motor lag in the latency of the rule for h and beta: added, and the least.
+
+The model contains the lag, so the gains need a part of it only. Without latency, a smaller least
+share is unstable.
+"""
+
+LONGEST_EXCESS = 0.005
+"""
+Largest withheld impulse that is added later, relative to the torque limit, in s.
+
+A limit cuts the noise of a torque close to it on one side, which reduces the mean torque. The
+added impulse restores the mean. After a real saturation it delays the torque by some milliseconds.
+With a limit of the torque rate such a delay would make the loop oscillate, so nothing is added.
 """
 
 LONGEST_STEP = 0.005
@@ -97,7 +123,7 @@ PARAMETERS = (
     Parameter(
         'motor_lag',
         0.0,
-        'Time constant of the motors, compensated as additional latency',
+        'Time constant of the torques of the motors',
         unit='s',
         minimum=0.0,
         maximum=LONGEST,
@@ -106,8 +132,8 @@ PARAMETERS = (
     Parameter(
         'compensation.horizon',
         0.0,
-        'Time h in which the implicit law reaches the surface, with latency; 0: 1.5 latencies, at '
-        'least 1.5 periods',
+        'Time h in which the implicit law reaches the surface, with latency; 0: 1.2 times the '
+        'latency plus a quarter of motor_lag, at least 1.2 periods',
         unit='s',
         minimum=0.0,
         read_only=False,
@@ -115,16 +141,18 @@ PARAMETERS = (
     Parameter(
         'compensation.gain',
         0.0,
-        'Gain beta of the disturbance estimate with latency; 0: period / latency, at most 1/4. '
-        'Another value enables the estimate without latency',
+        'Gain beta of the disturbance estimate with latency; 0: the period divided by the latency '
+        'plus a quarter of motor_lag, at most 1/4. Another value enables the estimate without '
+        'latency',
         minimum=0.0,
         maximum=1.0,
         read_only=False,
     ),
     Parameter(
         'compensation.slope',
-        SLOPE,
-        'Gain beta_2 of the slope of the disturbance estimate, as a multiple of beta squared',
+        0.0,
+        'Gain beta_2 of the slope of the disturbance estimate, as a multiple of beta squared; 0: '
+        '0.25 with latency, 0.3 without',
         minimum=0.0,
         maximum=1.0,
         read_only=False,
@@ -139,6 +167,8 @@ SETTINGS = (
 MEMORY = (
     Field('acceleration', 'joints', 'Estimated d, in the velocities of the mechanism', '1/s²'),
     Field('acceleration_slope', 'joints', 'Its change delta per period', '1/s²'),
+    Field('motor', 'joints', 'Torques of the motors in the last measured state', 'N·m'),
+    Field('excess', 'joints', 'Torques that the limit has withheld', 'N·m'),
     Field('measured_position', 'positions', 'Positions of the last measured state', 'm, rad'),
     Field('measured_base', 'base', 'Base pose in it', 'm, rad'),
     Field('measured_rates', 'joints', 'Rates in it, measured or estimated', 'rad/s'),
@@ -166,6 +196,8 @@ class CompensationMemory(Memory):
 
     acceleration: Joints
     acceleration_slope: Joints
+    motor: Joints
+    excess: Joints
     measured_position: Numbers
     measured_base: Numbers
     measured_rates: Joints
@@ -248,17 +280,24 @@ def _usual_latency(settings: Settings) -> float:
 
 @formula
 def total_latency(settings: CompensationSettings, memory: CompensationMemory) -> float:
-    """Return L of the current state in s: the usual latency, corrected by its jitter."""
+    """Return L of the current state in s: the usual one, corrected by its jitter."""
     usual = _usual_latency(settings)
     most, longest = JITTER * usual, (HISTORY - 2) * settings.period
     return min(usual + min(max(memory.later, -most), most), longest)
 
 
 @formula
+def _latency_of_rule(settings: Settings) -> float:
+    """Return the latency in s by which the rule sets h and beta."""
+    lag = settings.motor_lag
+    return max(settings.latency + LAG_SHARE * lag, LEAST_LAG_SHARE * lag)
+
+
+@formula
 def _horizon(settings: Settings) -> float:
     """Return h in s."""
     chosen = settings.compensation_horizon
-    latency, period = _usual_latency(settings), settings.period
+    latency, period = _latency_of_rule(settings), settings.period
     of_rule = HORIZON * max(latency, period) if latency > 0.0 else period
     return chosen if chosen > 0.0 else of_rule
 
@@ -266,9 +305,17 @@ def _horizon(settings: Settings) -> float:
 @formula
 def estimate_gain(settings: Settings) -> float:
     """Return beta, the gain of the disturbance estimate per tick."""
-    chosen, latency = settings.compensation_gain, _usual_latency(settings)
+    chosen, latency = settings.compensation_gain, _latency_of_rule(settings)
     period = settings.period
     return chosen if chosen > 0.0 else (period / latency if latency > 4.0 * period else 0.25)
+
+
+@formula
+def _slope(settings: Settings) -> float:
+    """Return beta_2 as a multiple of beta squared."""
+    chosen = settings.compensation_slope
+    of_rule = SLOPE if _usual_latency(settings) > 0.0 else SLOPE_WITHOUT_LATENCY
+    return chosen if chosen > 0.0 else of_rule
 
 
 # History of commands.
@@ -337,17 +384,24 @@ def _corrected(value: float, first: float, second: float, half: float) -> float:
     return value + half * (second - first)
 
 
+@formula
+def _lagging(command: float, motor: float, share: float) -> float:
+    """Return a command plus the share of the difference from it that remains."""
+    return command + share * (motor - command) if share > 0.0 else command
+
+
 @kernel
 def _advanced(
     settings: CompensationSettings,
     memory: CompensationMemory,
     position: Numbers,
     rates: Numbers,
+    motor: Numbers,
     start: float,
     end: float,
-) -> tuple[Numbers, Numbers]:
+) -> tuple[Numbers, Numbers, Numbers]:
     """
-    Return positions and joint rates at a later time according to the model.
+    Return positions, joint rates and motor torques at a later time according to the model.
 
     The model is that of theta_hat, with the commands and d. Heun steps have a length of at most
     LONGEST_STEP; the command of a step is its mean. Before the last measured state, d is
@@ -357,8 +411,8 @@ def _advanced(
     ----------
     settings, memory
         Settings and memory of the law.
-    position, rates
-        Positions (positions) and joint rates (joints) at `start`.
+    position, rates, motor
+        Positions (positions), joint rates (joints) and torques of the motors (joints) at `start`.
     start, end
         Times in s, as those of `MEMORY`.
 
@@ -367,11 +421,16 @@ def _advanced(
     period, now = settings.period, memory.state_time
     d, slope = memory.acceleration, memory.acceleration_slope
     steps = max(1, math.ceil((end - start) / LONGEST_STEP - 1.0e-6))
-    h = (end - start) / steps
+    h, lag = (end - start) / steps, settings.motor_lag
+    decay = exp(-h / lag) if lag > 0.0 else 0.0
+    mean = (1.0 - decay) * lag / h
     for step in range(steps):
         time = start + step * h
         command = _mean_command(memory, time, time + h, rates)
-        inputs = moving_base.inputs_of_step(settings, rates, command, h)
+        acting = elementwise(_lagging, command, motor, mean)
+        motor = elementwise(_lagging, command, motor, decay)
+        acting = elementwise(selected, settings.by_velocity, command, acting)
+        inputs = moving_base.inputs_of_step(settings, rates, acting, h)
         # d is the mean acceleration of the period after the last measured state.
         ahead = max(0.0, (time + 0.5 * h - now) / period - 0.5)
         extra = mechanism.joint_rates(model, elementwise(moved, d, slope, ahead))
@@ -381,7 +440,7 @@ def _advanced(
         v_2, a_2 = _derivative(settings, theta, position, rates, inputs, extra)
         position = elementwise(_corrected, position, v_1, v_2, 0.5 * h)
         rates = elementwise(_corrected, rates, a_1, a_2, 0.5 * h)
-    return position, rates
+    return position, rates, motor
 
 
 # Estimate and prediction.
@@ -455,7 +514,10 @@ def _follow_state(
         elapsed = now - before
         rates_before = memory.measured_rates
         position_before = memory.measured_position
-        reached, expected = _advanced(settings, memory, position_before, rates_before, before, now)
+        reached, expected, motor = _advanced(
+            settings, memory, position_before, rates_before, memory.motor, before, now
+        )
+        memory.motor = motor
         gain = backed_off(
             settings,
             model,
@@ -464,7 +526,7 @@ def _follow_state(
             rates,
             estimate_gain(settings),
         )
-        slope_gain = settings.compensation_slope * gain * gain
+        slope_gain = _slope(settings) * gain * gain
         if is_estimated:
             bandwidth = filter_bandwidth(settings, BANDWIDTH)
             gains = observer_gains(bandwidth, elapsed, gain, slope_gain)
@@ -487,7 +549,7 @@ def _follow_state(
         memory.acceleration_slope = slope
         memory.measured_acceleration = a
     memory.state_time = now
-    memory.acts_from = now + total_latency(settings, memory)
+    memory.acts_from = now + total_latency(settings, memory) - settings.motor_lag
     memory.skipped = 0
     memory.measured_position = position
     memory.measured_rates = rates
@@ -507,6 +569,7 @@ def _start(settings: CompensationSettings, memory: CompensationMemory, position:
         torque = mechanism.joint_torques(model, mechanism.coriolis(model, posture, theta, still))
     memory.acts_from = -math.inf
     memory.history_initialised = 1
+    memory.motor = torque
     _store_command(settings, memory, torque)
 
 
@@ -530,7 +593,9 @@ def _predicted_state(
     now, latency = memory.state_time, total_latency(settings, memory)
     position, rates = state.position, state.rates
     if latency > 0.0:
-        position, rates = _advanced(settings, memory, position, rates, now, now + latency)
+        position, rates, _ = _advanced(
+            settings, memory, position, rates, memory.motor, now, now + latency
+        )
     x, v, a = state.desired
     lead = latency - settings.stamp_age
     desired = (elementwise(_extrapolated, x, v, a, lead), elementwise(moved, v, a, lead), a)
@@ -557,6 +622,19 @@ def _explaining_command(settings: CompensationSettings, memory: CompensationMemo
 
 
 @formula
+def _with_excess(raw: float, excess: float) -> float:
+    """Return a request with the withheld torque, unless the request has turned."""
+    return raw + excess if raw * excess > 0.0 else raw
+
+
+@formula
+def _excess(raw: float, limit: float, rate_limit: float, share: float) -> float:
+    """Return what the limit withholds of a torque, within a share of the limit."""
+    most = 0.0 if rate_limit > 0.0 else share * limit
+    return min(max(raw - min(max(raw, -limit), limit), -most), most)
+
+
+@formula
 def _reduced_torque(
     settings: CompensationSettings,
     memory: CompensationMemory,
@@ -569,7 +647,13 @@ def _reduced_torque(
     d = elementwise(moved, memory.acceleration, memory.acceleration_slope, ahead)
     h = mechanism.inertia(model, posture, memory.estimate)
     force = mechanism.inertia_times(model, h, d)
-    return elementwise(minus, raw, mechanism.joint_torques(model, force))
+    raw = elementwise(minus, raw, mechanism.joint_torques(model, force))
+    raw = elementwise(_with_excess, raw, memory.excess)
+    longest = LONGEST_EXCESS / settings.period
+    memory.excess = elementwise(
+        _excess, raw, settings.torque_limit, settings.torque_rate_limit, longest
+    )
+    return raw
 
 
 @formula
