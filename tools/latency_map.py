@@ -16,7 +16,12 @@ from pathlib import Path
 from typing import Any
 
 from masmc_ros.errors import InputError
-from masmc_ros.law.parts.delay_compensation import HORIZON, SLOPE
+from masmc_ros.law.parts.delay_compensation import (
+    HORIZON,
+    HORIZON_PERIODS,
+    SLOPE,
+    SLOPE_PERIODS,
+)
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.params.scenario import load_scenario
 import numpy as np
@@ -91,8 +96,9 @@ def growth(latency: int, mass: float, assumed: int = ASSUMED) -> float:
     rows = np.eye(2 * count + 3)
     velocity, command = rows[:count + 1], rows[count:2 * count + 1]
     gain = min(0.25, 1.0 / assumed)
-    slope_gain = SLOPE * gain * gain
-    horizon = HORIZON * max(assumed, 1) * PERIOD
+    periods = max(assumed, 1)
+    slope_gain = (SLOPE + SLOPE_PERIODS / periods) * gain * gain
+    horizon = (HORIZON * periods + HORIZON_PERIODS) * PERIOD
     rate = (velocity[latency] - velocity[latency + 1]) / PERIOD
     f = rate - command[1 + assumed] - rows[-2]
     slope = rows[-1] + slope_gain * f

@@ -60,19 +60,19 @@ A constant error of this size is tolerated. Stamps can deceive: a simulated plan
 itself continues from its last tick.
 """
 
-HORIZON = 1.2
+HORIZON, HORIZON_PERIODS = 7.0 / 6.0, 1.0 / 3.0
 """
-Horizon h in latencies.
+Horizon h, as a multiple of the latency plus one of the period.
 
 A smaller one is more accurate and tolerates smaller errors of latency and masses.
 """
 
-SLOPE, SLOPE_WITHOUT_LATENCY = 0.25, 0.3
+SLOPE, SLOPE_PERIODS = 0.25, 0.05
 """
-Gain beta_2 of the slope, as a multiple of beta squared, with and without latency.
+Gain beta_2 of the slope, as a multiple of beta squared: least, and increase with T / latency.
 
-A larger one is more accurate. With latency the loop then oscillates if the assumed masses are less
-than 0.4 of the true ones.
+A larger one is more accurate. With a latency of many periods the loop then oscillates if the
+assumed masses are less than 0.4 of the true ones.
 """
 
 BANDWIDTH = 200.0
@@ -132,8 +132,8 @@ PARAMETERS = (
     Parameter(
         'compensation.horizon',
         0.0,
-        'Time h in which the implicit law reaches the surface, with latency; 0: 1.2 times the '
-        'latency plus a quarter of motor_lag, at least 1.2 periods',
+        'Time h in which the implicit law reaches the surface, with latency; 0: 7/6 of the '
+        'latency and a quarter of motor_lag, plus a third of the period',
         unit='s',
         minimum=0.0,
         read_only=False,
@@ -152,7 +152,7 @@ PARAMETERS = (
         'compensation.slope',
         0.0,
         'Gain beta_2 of the slope of the disturbance estimate, as a multiple of beta squared; 0: '
-        '0.25 with latency, 0.3 without',
+        '0.25 plus 0.05 periods divided by the latency, at most 0.3',
         minimum=0.0,
         maximum=1.0,
         read_only=False,
@@ -298,7 +298,8 @@ def _horizon(settings: Settings) -> float:
     """Return h in s."""
     chosen = settings.compensation_horizon
     latency, period = _latency_of_rule(settings), settings.period
-    of_rule = HORIZON * max(latency, period) if latency > 0.0 else period
+    of_rule = HORIZON * max(latency, period) + HORIZON_PERIODS * period
+    of_rule = of_rule if latency > 0.0 else period
     return chosen if chosen > 0.0 else of_rule
 
 
@@ -313,8 +314,8 @@ def estimate_gain(settings: Settings) -> float:
 @formula
 def _slope(settings: Settings) -> float:
     """Return beta_2 as a multiple of beta squared."""
-    chosen = settings.compensation_slope
-    of_rule = SLOPE if _usual_latency(settings) > 0.0 else SLOPE_WITHOUT_LATENCY
+    chosen, period = settings.compensation_slope, settings.period
+    of_rule = SLOPE + SLOPE_PERIODS * period / max(_latency_of_rule(settings), period)
     return chosen if chosen > 0.0 else of_rule
 
 
