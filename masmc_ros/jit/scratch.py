@@ -2,15 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Scratch arrays, which are valid until the function that creates them ends.
+Arrays of one tick without memory from the heap.
 
-They are on the stack, where creation is free; an array on the heap costs as much as a hundred
-multiplications. A function may pass its array to other functions, but neither return nor keep it.
+`scratch` arrays are on the stack, where creation is free. A function may pass them to other
+functions, but neither return nor keep them. `lasting` arrays are in the workspace of vectors; a
+function may return them. An array on the heap costs as much as a hundred multiplications, and each
+use of it counts references.
 """
 
 from __future__ import annotations
 
-from masmc_ros.aliases import Array
+from masmc_ros.aliases import Array, Numbers
+from masmc_ros.jit import vectors
 from masmc_ros.jit.compiled import formula
 from masmc_ros.jit.generated import (
     Compiler,
@@ -22,6 +25,7 @@ from masmc_ros.jit.generated import (
     TypingContext,
 )
 from masmc_ros.jit.tuples import FLOAT
+from masmc_ros.jit.vectors import VectorType
 from numba import types
 from numba.core import cgutils
 import numpy as np
@@ -43,6 +47,16 @@ def scratch(*shape: int) -> Array:
 
     In compiled code it is valid until the function ends; for an inlined formula, until its result
     is used.
+    """
+    return np.empty(shape)
+
+
+def lasting(like: Numbers, *shape: int) -> Array:
+    """
+    Return an uninitialised array of one or two dimensions that exists as long as a new vector.
+
+    It is in the workspace of `like`, or on the heap if this is no vector of compiled code with a
+    length known at run time.
     """
     return np.empty(shape)
 
@@ -71,15 +85,27 @@ def _type_of_scratch(context: TypingContext, *shape: Type) -> Type:
     return types.Array(FLOAT, len(shape), 'C')
 
 
-@generated(scratch, _type_of_scratch)
-def _scratch(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
-    context, build = compiler.context, compiler.builder
+def _lengths(compiler: Compiler, kinds: Types, values: IrValues) -> tuple[list[IrValue], IrValue]:
+    """Return the lengths of an array by dimension, and the number of its entries."""
     lengths = [
         compiler.cast(value, kind, types.intp) for value, kind in zip(values, kinds, strict=True)
     ]
     count = lengths[0]
     for length in lengths[1:]:
-        count = build.mul(count, length)
+        count = compiler.builder.mul(count, length)
+    return lengths, count
+
+
+def _on_heap(compiler: Compiler, lengths: list[IrValue]) -> IrValue:
+    pair = types.UniTuple(types.intp, len(lengths))
+    shape = compiler.context.make_tuple(compiler.builder, pair, lengths)
+    return compiler.internal(_empty, compiler.result, (pair,), (shape,))
+
+
+@generated(scratch, _type_of_scratch)
+def _scratch(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
+    context, build = compiler.context, compiler.builder
+    lengths, count = _lengths(compiler, kinds, values)
     number = context.get_data_type(FLOAT)
     most = context.get_constant(types.intp, MOST[len(kinds)])
     room = cgutils.alloca_once(build, number, most)
@@ -91,10 +117,18 @@ def _scratch(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
         with then:
             build.store(array_over(compiler, compiler.result, room, lengths), buffer)
         with otherwise:
-            pair = types.UniTuple(types.intp, len(lengths))
-            shape = context.make_tuple(build, pair, lengths)
-            build.store(compiler.internal(_empty, compiler.result, (pair,), (shape,)), buffer)
+            build.store(_on_heap(compiler, lengths), buffer)
     return build.load(buffer)
+
+
+@generated(lasting, lambda context, like, *shape: _type_of_scratch(context, *shape))
+def _lasting(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
+    lengths, count = _lengths(compiler, kinds[1:], values[1:])
+    if not isinstance(kinds[0], VectorType):
+        return _on_heap(compiler, lengths)
+    workspace = vectors.workspace_of(compiler, values[0])
+    data = vectors.data_of(compiler, vectors.new_vector(compiler, FLOAT, count, workspace))
+    return array_over(compiler, compiler.result, data, lengths)
 
 
 def array_over(

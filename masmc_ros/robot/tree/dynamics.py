@@ -11,10 +11,10 @@ C(nu) nu_r + g with Hdot - 2 C skew-symmetric, linear in the inertial parameters
 
 from __future__ import annotations
 
-from masmc_ros.aliases import Array
-from masmc_ros.jit.arrays import read_along, read_part, write_along, write_part
+from masmc_ros.aliases import Array, Numbers
+from masmc_ros.jit.arrays import array_of, read_along, read_part, write_along, write_part
 from masmc_ros.jit.compiled import formula, kernel
-from masmc_ros.jit.scratch import scratch
+from masmc_ros.jit.scratch import lasting, scratch
 from masmc_ros.robot.tree.kinematics import (
     base_motion,
     crossed,
@@ -282,13 +282,13 @@ def write_inertia(model: TreeModel, posture: Posture, theta: Array, matrix: Arra
 
 
 @kernel
-def inertia(model: TreeModel, posture: Posture, theta: Array) -> Array:
+def inertia(model: TreeModel, posture: Posture, theta: Numbers) -> Array:
     """
     Return H (n, n) for inertial parameters (10 B), by composite bodies in O(n depth).
 
     It includes the constant inertia of rotors and wheels.
     """
     size = len(posture.motion_subspaces)
-    matrix = np.empty((size, size))
-    write_inertia(model, posture, theta, matrix)
+    matrix = lasting(theta, size, size)
+    write_inertia(model, posture, array_of(theta), matrix)
     return matrix

@@ -17,7 +17,7 @@ from masmc_ros.aliases import Array, Numbers
 from masmc_ros.jit.arrays import array_of, changeable, to_vector
 from masmc_ros.jit.compiled import formula, kernel
 from masmc_ros.jit.lanes import in_place, part_in_place
-from masmc_ros.jit.scratch import copy_into, scratch
+from masmc_ros.jit.scratch import copy_into, lasting, scratch
 from masmc_ros.jit.tuples import elementwise, joined
 from masmc_ros.numerics.elimination import factor, solve
 from masmc_ros.numerics.portable_math import sin_cos
@@ -53,7 +53,6 @@ from masmc_ros.robot.tree.tree_model import (
     TreeModel,
 )
 from masmc_ros.robot.tree.wheels import into_base, into_wheels
-import numpy as np
 
 __all__ = [
     'compensated',
@@ -108,14 +107,13 @@ def model_of(record: HasGeometry) -> TreeModel:
 @kernel
 def posture(model: TreeModel, position: Numbers) -> Posture:
     """Return the positions of the bodies."""
-    at = array_of(position)
-    return place(model, at[0], at[1], at[2], at, POSE + base_of(model))
+    return place(model, position[0], position[1], position[2], position, POSE + base_of(model))
 
 
 @kernel
 def posture_of_joints(model: TreeModel, angles: Numbers) -> Posture:
     """Return the positions of the bodies with the base at the origin."""
-    return place(model, 0.0, 0.0, 0.0, array_of(angles), base_of(model))
+    return place(model, 0.0, 0.0, 0.0, angles, base_of(model))
 
 
 @kernel
@@ -195,7 +193,7 @@ def _motions(
     acceleration: Numbers,
 ) -> Array:
     """Return the motions of the bodies for products with Y."""
-    motions = np.empty((bodies_of(model), dynamics.MOTION))
+    motions = lasting(motion, bodies_of(model), dynamics.MOTION)
     nu, nu_r, a_r = array_of(motion), array_of(reference), array_of(acceleration)
     dynamics.write_motions(model, posture, nu, nu_r, a_r, GRAVITY, motions)
     return motions
@@ -256,7 +254,7 @@ def preserves_consistency(model: TreeModel, settings: _Settings) -> bool:
 @kernel
 def inertia(model: TreeModel, posture: Posture, theta: Numbers) -> Array:
     """Return H (n, n)."""
-    return dynamics.inertia(model, posture, array_of(theta))
+    return dynamics.inertia(model, posture, theta)
 
 
 @kernel

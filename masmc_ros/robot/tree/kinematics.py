@@ -18,10 +18,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from masmc_ros.aliases import Array
-from masmc_ros.jit.arrays import read_part, split_buffer, write_part
+from masmc_ros.aliases import Array, Numbers
+from masmc_ros.jit.arrays import array_of, read_part, split_buffer, write_part
 from masmc_ros.jit.compiled import formula, kernel
-from masmc_ros.jit.scratch import clear, scratch
+from masmc_ros.jit.scratch import clear, lasting, scratch
 from masmc_ros.numerics.portable_math import padded, sin_cos, write_sines_and_cosines
 from masmc_ros.robot.tree.spatial import (
     add,
@@ -83,7 +83,7 @@ def joint_position(posture: Posture, body: int) -> float:
 
 @kernel
 def place(
-    model: TreeModel, x: float, y: float, yaw: float, position: Array, first: int
+    model: TreeModel, x: float, y: float, yaw: float, position: Numbers, first: int
 ) -> Posture:
     """
     Return the positions of all bodies.
@@ -102,7 +102,7 @@ def place(
     """
     bodies, base = bodies_of(model), base_of(model)
     size, wide = base + bodies - 1, _POSITION + 1
-    buffer = np.empty(bodies * wide + size * 6)
+    buffer = lasting(position, bodies * wide + size * 6)
     frames, motion_subspaces = split_buffer(buffer, bodies, wide, size, 6)
     write_part(frames, 0, 0, ROTATION)
     write_part(frames, 0, ORIGIN, VECTOR)
@@ -113,14 +113,15 @@ def place(
         motion_subspaces[0, 3], motion_subspaces[base - 1, 2] = 1.0, 1.0
         if base == OMNIDIRECTIONAL:
             motion_subspaces[1, 4] = 1.0
+    angles = array_of(position)
     sines, cosines = scratch(padded(bodies - 1)), scratch(padded(bodies - 1))
     for body in range(1, bodies):
         turns, _, _ = joint_of(model, body)
-        sines[body - 1] = position[first + body - 1] if turns else 0.0
+        sines[body - 1] = angles[first + body - 1] if turns else 0.0
     write_sines_and_cosines(sines, bodies - 1, cosines)
     for body in range(1, bodies):
         turns, axis, offset = joint_of(model, body)
-        parent, value = parent_of(model, body), position[first + body - 1]
+        parent, value = parent_of(model, body), angles[first + body - 1]
         above = read_part(frames, parent, 0, ROTATION)
         origin = add(read_part(frames, parent, ORIGIN, VECTOR), rotate(above, offset))
         along = rotate(above, axis)

@@ -24,7 +24,7 @@ from __future__ import annotations
 from masmc_ros.aliases import Array, Columns, Numbers
 from masmc_ros.jit.arrays import array_of, changeable, to_vector
 from masmc_ros.jit.compiled import formula, kernel
-from masmc_ros.jit.scratch import clear, copy_into, scratch
+from masmc_ros.jit.scratch import clear, copy_into, lasting, scratch
 from masmc_ros.jit.tuples import from_index
 from masmc_ros.numerics.elimination import factor, solve
 from masmc_ros.robot.tree.dynamics import write_inertia
@@ -43,7 +43,6 @@ from masmc_ros.robot.tree.tree_model import (
     TreeModel,
 )
 from masmc_ros.robot.tree.wheels import into_wheels
-import numpy as np
 
 
 @formula
@@ -225,7 +224,8 @@ def _task_inertia(model: TreeModel, posture: Posture, theta: Numbers) -> Array:
     write_inertia(model, posture, array_of(theta), h)
     factor(h)
     # L^-1 J', in place of J', D^-1, and J H^-1 J' of both.
-    inverses, compliance, out = scratch(size), scratch(m, m), np.zeros((m, m))
+    inverses, compliance, out = scratch(size), scratch(m, m), lasting(theta, m, m)
+    clear(out)
     for k in range(size):
         for row in range(k):
             part = h[k, row]
