@@ -19,13 +19,14 @@ from masmc_ros.jit.lanes import lane_of
 from masmc_ros.jit.record import AT_RUN_TIME, new_record
 from masmc_ros.jit.tuples import elementwise
 from masmc_ros.jit.vectors import check_workspace, free, mark
-from masmc_ros.loop.closed_loop import _plant_step
+from masmc_ros.loop.closed_loop import _plant_step, closed_loop
 from masmc_ros.loop.dense import tick_input
 from masmc_ros.loop.layer_bound import least_task_inertia
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.numerics.scalars import plus
 from masmc_ros.params.scenario import load_scenario
 from numba.core import event
+from numba.core.runtime import _nrt_python, rtsys
 import numpy as np
 import pytest
 
@@ -99,6 +100,33 @@ def test_robot_of_another_size_in_one_process_has_same_bits(tmp_path: Path) -> N
     before = _signals(first)
     _signals(_arm(tmp_path, URDF, 'turret_joint', 'upper_joint'))
     assert np.array_equal(_signals(first), before)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(closed_loop, 'overloads'), reason='interpreted code uses the heap')
+@pytest.mark.parametrize('settings', [(), ('controller.latency=0.01',)])
+def test_ticks_of_a_tree_use_no_memory_from_the_heap(
+    tmp_path: Path, settings: tuple[str, ...]
+) -> None:
+    """Otherwise each use of such an array would count its references."""
+
+    def allocations(duration: float) -> int:
+        path = write_scenario(tmp_path, hand_at_start(), duration)
+        simulation = Simulation(load_scenario(str(path), settings))
+        for _ in simulation.run():
+            pass
+        before = rtsys.get_allocation_stats().alloc
+        for _ in simulation.run():
+            pass
+        return int(rtsys.get_allocation_stats().alloc - before)
+
+    was_counting = _nrt_python.memsys_stats_enabled()
+    _nrt_python.memsys_enable_stats()
+    try:
+        assert allocations(0.02) == allocations(0.2)
+    finally:
+        if not was_counting:
+            _nrt_python.memsys_disable_stats()
 
 
 @pytest.mark.slow

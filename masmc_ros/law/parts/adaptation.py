@@ -21,6 +21,7 @@ import math
 from masmc_ros.aliases import Array, Joints, Numbers, Parameters
 from masmc_ros.jit.arrays import to_vector
 from masmc_ros.jit.compiled import formula, kernel
+from masmc_ros.jit.scratch import scratch
 from masmc_ros.jit.tuples import dot, elementwise
 from masmc_ros.jit.vectors import free, mark
 from masmc_ros.law.declared import PerEntry
@@ -30,7 +31,6 @@ from masmc_ros.law.tick import Tick
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.formula_types import Lengths
-import numpy as np
 
 GAMMA = PerEntry(
     'gamma',
@@ -353,7 +353,7 @@ def projected(
 
     """
     n = len(nominal)
-    estimate, normal = np.empty(n), np.empty(n)
+    estimate, normal = scratch(n), scratch(n)
     for j in range(n):
         estimate[j] = theta[j]
     clip_to_box(n, nominal, lower, upper, estimate)

@@ -26,6 +26,7 @@ from masmc_ros.aliases import Array, Axes, Columns, Joints, Numbers
 from masmc_ros.jit.arrays import to_vector
 from masmc_ros.jit.compiled import formula, kernel
 from masmc_ros.jit.field import Field
+from masmc_ros.jit.scratch import scratch
 from masmc_ros.jit.tuples import elementwise, least, matrix_times, tail
 from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.parts.delay_compensation import horizon, is_on
@@ -37,7 +38,6 @@ from masmc_ros.numerics.elimination import solve_definite
 from masmc_ros.numerics.scalars import minus, moved, zero
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
-import numpy as np
 
 OBSERVER_GAIN = Parameter(
     'observer_gain',
@@ -109,8 +109,7 @@ def _solved(
 ) -> tuple[Numbers, Numbers]:
     """Return s+ in m/s and zeta, computed by `implicit_reaching`."""
     n = len(s)
-    following, zeta, work = np.empty(n), np.empty(n), np.empty((n, n + 1))
-    matrix = np.empty((n, n))
+    following, zeta, work, matrix = scratch(n), scratch(n), scratch(n, n + 1), scratch(n, n)
     for j in range(n):
         for i in range(n):
             matrix[i, j] = inertia[j][i]

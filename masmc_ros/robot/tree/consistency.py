@@ -11,10 +11,10 @@ from __future__ import annotations
 
 from masmc_ros.aliases import Numbers
 from masmc_ros.jit.compiled import formula, kernel
+from masmc_ros.jit.scratch import clear, scratch
 from masmc_ros.jit.tuples import from_index
 from masmc_ros.robot.tree.spatial import PER_BODY
 from masmc_ros.robot.tree.tree_model import bodies_of, TreeModel
-import numpy as np
 
 
 @formula
@@ -34,7 +34,9 @@ def _pseudo(theta: Numbers, at: int, i: int, j: int) -> float:
 def weakest_motion(model: TreeModel, theta: Numbers) -> tuple[float, Numbers]:
     """Return the first pivot that is not positive, with x of that pseudo-inertia and the body."""
     pivot, motion = 1.0, (0.0, 0.0, 0.0, 0.0, 0.0)
-    lower, x = np.zeros((4, 4)), np.zeros(4)
+    lower, x = scratch(4, 4), scratch(4)
+    clear(lower)
+    clear(x)
     for body in range(bodies_of(model)):
         at = PER_BODY * body
         total = 0.0
