@@ -137,6 +137,13 @@ def test_tiago_latency_10_ms_error_below_tenth_mm() -> None:
     assert result('tiago.yaml', *settings)[0] < 0.1
 
 
+@pytest.mark.slow
+def test_tiago_100_hz_latency_of_one_period_keeps_its_path() -> None:
+    """The wheels are at their limit at first; with a horizon of 1.2 periods they oscillate."""
+    settings = ('controller.law=smc', 'control_period=0.01', 'plant.command_delay=0.01')
+    assert result('tiago.yaml', *settings, 'controller.latency=0.01')[0] < 0.5
+
+
 DRIVES = {
     'tiago.yaml': (6.0, 6.0, 2000.0, 39.0, 39.0, 17.86, 17.86, 3.0, 6.6, 6.6),
     'ur5.yaml': (150.0, 150.0, 150.0, 28.0, 28.0, 28.0),
