@@ -11,6 +11,7 @@ from helpers.processes import PAPER, processes, ros_arguments
 from masmc_ros.cli.main import main
 import pytest
 
+TIAGO = PAPER.parent / 'tiago.yaml'
 EFFECTS = {
     'plant__measurement_delay': 0.001,
     'plant__command_delay': 0.003,
@@ -38,20 +39,24 @@ STAMPED = {'plant__enable_stamped_cmd_vel': 'true', 'controller__enable_stamped_
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    'settings',
+    ('file', 'settings'),
     [
-        EFFECTS,
-        HYBRID,
-        {**HYBRID, **STAMPED, **EFFECTS},
-        {**HYBRID, **EFFECTS, **LATENCY},
+        (PAPER, EFFECTS),
+        (PAPER, HYBRID),
+        (PAPER, {**HYBRID, **STAMPED, **EFFECTS}),
+        (PAPER, {**HYBRID, **EFFECTS, **LATENCY}),
+        (TIAGO, {**EFFECTS, **LATENCY}),
     ],
-    ids=['effects', 'hybrid', 'hybrid-stamped-effects', 'hybrid-effects-latency'],
+    ids=['effects', 'hybrid', 'hybrid-stamped-effects', 'hybrid-effects-latency', 'tree'],
 )
 def test_lockstep_run_of_imperfect_plant_equals_computed_run(
-    settings: dict[str, object], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    file: Path,
+    settings: dict[str, object],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     log = tmp_path / 'run.mcap'
-    arguments = ros_arguments(PAPER, duration=0.5, recorder__output=log, **settings)
+    arguments = ros_arguments(file, duration=0.5, recorder__output=log, **settings)
     with processes(tmp_path) as started:
         started.start('composed', '--record', *arguments)
         assert started.wait() == {'composed': 0}, started.output()
