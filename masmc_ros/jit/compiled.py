@@ -44,6 +44,7 @@ from numba import config, njit
 from numba.core import event
 from numba.core.codegen import ll
 from numba.core.types import WrapperAddressProtocol
+from numba.core.typing import Signature
 
 _settings: Any = config  # its attributes are made when it is imported
 
@@ -222,9 +223,9 @@ class _CodeAddress(WrapperAddressProtocol):
         name = self._code.fndesc.llvm_cfunc_wrapper_name
         return cast(int, self._code.library.get_pointer_to_function(name))
 
-    def signature(self) -> Any:
+    def signature(self) -> Signature:
         """Return the types of the arguments and of the result."""
-        return self._code.signature
+        return cast(Signature, self._code.signature)
 
 
 def address_of(function: Function, *arguments: object) -> Function | None:
