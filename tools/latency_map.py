@@ -18,7 +18,7 @@ from typing import Any
 from masmc_ros.errors import InputError
 from masmc_ros.law.parts.delay_compensation import (
     HORIZON,
-    HORIZON_PERIODS,
+    LARGEST_HORIZON,
     SLOPE,
     SLOPE_PERIODS,
 )
@@ -98,7 +98,7 @@ def growth(latency: int, mass: float, assumed: int = ASSUMED) -> float:
     gain = min(0.25, 1.0 / assumed)
     periods = max(assumed, 1)
     slope_gain = (SLOPE + SLOPE_PERIODS / periods) * gain * gain
-    horizon = (HORIZON * periods + HORIZON_PERIODS) * PERIOD
+    horizon = min(HORIZON * periods + 1.0, LARGEST_HORIZON * periods) * PERIOD
     rate = (velocity[latency] - velocity[latency + 1]) / PERIOD
     f = rate - command[1 + assumed] - rows[-2]
     slope = rows[-1] + slope_gain * f
