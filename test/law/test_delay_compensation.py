@@ -175,15 +175,15 @@ def test_rule_sets_horizon_gain_and_bandwidth() -> None:
         values: tuple[float, float, float] = rule_of(settings)
         return values
 
-    assert rule(latency=0.01) == pytest.approx((0.0125, 0.1, 200.0))
-    assert rule(latency=0.0068, motor_lag=0.0128) == pytest.approx((0.0125, 0.1, 200.0))
-    assert rule(motor_lag=0.016) == pytest.approx((0.0148, 1.0 / 12.0, 200.0))
+    assert rule(latency=0.01) == pytest.approx((0.012, 0.1, 200.0))
+    assert rule(latency=0.0068, motor_lag=0.0128) == pytest.approx((0.012, 0.1, 200.0))
+    assert rule(motor_lag=0.016) == pytest.approx((0.0142, 1.0 / 12.0, 200.0))
     # With 3.8 periods, nodes with a jitter of one period diverge on a busy machine.
-    assert rule(latency=0.003)[0] == pytest.approx(0.00445)
+    assert rule(latency=0.003)[0] == pytest.approx(0.0043)
     assert rule(latency=0.0005) == pytest.approx((0.0015, 0.25, 200.0))
     explicit = {'compensation.horizon': 0.003, 'compensation.gain': 0.4}
     assert rule(latency=0.01, **explicit) == pytest.approx((0.003, 0.4, 200.0))
-    assert rule(latency=0.01, estimator_bandwidth=1000.0) == pytest.approx((0.0125, 0.1, 1000.0))
+    assert rule(latency=0.01, estimator_bandwidth=1000.0) == pytest.approx((0.012, 0.1, 1000.0))
 
 
 class LimitedTorques:

@@ -60,7 +60,7 @@ A constant error of this size is tolerated. Stamps can deceive: a simulated plan
 itself continues from its last tick.
 """
 
-HORIZON, LARGEST_HORIZON = 1.15, 1.5
+HORIZON, LARGEST_HORIZON = 1.1, 1.5
 """
 Horizon h in latencies, to which a period is added, and largest h in latencies.
 
@@ -133,7 +133,7 @@ PARAMETERS = (
     Parameter(
         'compensation.horizon',
         0.0,
-        'Time h in which the implicit law reaches the surface, with latency; 0: 1.15 times '
+        'Time h in which the implicit law reaches the surface, with latency; 0: 1.1 times '
         'the latency and a quarter of motor_lag, plus a period, but at most 1.5 times',
         unit='s',
         minimum=0.0,
