@@ -13,6 +13,7 @@ import signal
 import sys
 from types import FrameType
 
+from masmc_ros.errors import UserError
 from masmc_ros.nodes.process.ending import ENDING
 from masmc_ros.output_files import remove_unfinished
 
@@ -40,12 +41,23 @@ def ended_by_signals(*, restores: bool = True) -> Iterator[None]:
     Ignored signals, as under `nohup`, remain ignored. Afterwards the previous handlers are
     restored if `restores` is True; otherwise signals are ignored until the process ends.
     """
+    ends: list[Ended] = []
+
+    def end(number: int, frame: FrameType | None) -> None:
+        ends.append(Ended(number))
+        raise ends[0]
+
     handlers = {number: signal.getsignal(number) for number in ENDING}
     replaced = {n: h for n, h in handlers.items() if h not in (None, signal.SIG_IGN)}
     for number in replaced:
-        signal.signal(number, _end)
+        signal.signal(number, end)
     try:
         yield
+    except Exception as error:
+        # Modules in C replace an error that is raised while they are imported.
+        if ends and not isinstance(error, UserError):
+            raise ends[0] from None
+        raise
     finally:
         # A closed terminal sends its signal more than once.
         for number in replaced:
@@ -54,10 +66,6 @@ def ended_by_signals(*, restores: bool = True) -> Iterator[None]:
         if restores:
             for number, handler in replaced.items():
                 signal.signal(number, handler)
-
-
-def _end(number: int, frame: FrameType | None) -> None:
-    raise Ended(number)
 
 
 def final(status: int) -> int:

@@ -15,6 +15,7 @@ import time
 
 from masmc_ros.cli import executables
 from masmc_ros.cli.commands.run import NODES
+from masmc_ros.cli.endings import Ended, ended_by_signals
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -109,6 +110,19 @@ def test_simulate_signal_during_import_status_130(library: str, tmp_path: Path) 
     result = interrupted(command, library, signal.SIGINT)
     assert result == (130, 'masmc simulate: interrupted\n')
     assert list(tmp_path.iterdir()) == []
+
+
+def interrupted_import() -> None:
+    """Raise the error of a module in C whose import a signal interrupts."""
+    try:
+        signal.raise_signal(signal.SIGINT)
+    except KeyboardInterrupt:
+        raise ImportError('datetime') from None
+
+
+def test_error_that_replaces_a_signal_ends_the_process() -> None:
+    with pytest.raises(Ended), ended_by_signals():
+        interrupted_import()
 
 
 def test_colcon_script_in_bin_runs_masmc(tmp_path: Path) -> None:
