@@ -16,12 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from masmc_ros.errors import InputError
-from masmc_ros.law.parts.delay_compensation import (
-    HORIZON,
-    LARGEST_HORIZON,
-    SLOPE,
-    SLOPE_PERIODS,
-)
+from masmc_ros.law.parts.delay_gains import gain_of_rule, horizon_of_rule, slope_of_rule
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.params.scenario import load_scenario
 import numpy as np
@@ -95,10 +90,9 @@ def growth(latency: int, mass: float, assumed: int = ASSUMED) -> float:
     count = max(latency, assumed) + 2
     rows = np.eye(2 * count + 3)
     velocity, command = rows[:count + 1], rows[count:2 * count + 1]
-    gain = min(0.25, 1.0 / assumed)
-    periods = max(assumed, 1)
-    slope_gain = (SLOPE + SLOPE_PERIODS / periods) * gain * gain
-    horizon = min(HORIZON * periods + 1.0, LARGEST_HORIZON * periods) * PERIOD
+    of_rule = assumed * PERIOD, PERIOD
+    gain, horizon = gain_of_rule(*of_rule), horizon_of_rule(*of_rule)
+    slope_gain = slope_of_rule(*of_rule) * gain * gain
     rate = (velocity[latency] - velocity[latency + 1]) / PERIOD
     f = rate - command[1 + assumed] - rows[-2]
     slope = rows[-1] + slope_gain * f

@@ -33,7 +33,7 @@ from masmc_ros.jit.field import Field
 from masmc_ros.jit.lanes import in_place
 from masmc_ros.jit.tuples import dot, elementwise, head, joined, tail
 from masmc_ros.law.fields import Memory, Settings
-from masmc_ros.law.parts import moving_base
+from masmc_ros.law.parts import delay_gains, moving_base
 from masmc_ros.law.parts.slip import backed_off
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED, filter_bandwidth
 from masmc_ros.law.tick import Tick
@@ -60,36 +60,12 @@ A constant error of this size is tolerated. Stamps can deceive: a simulated plan
 itself continues from its last tick.
 """
 
-HORIZON, LARGEST_HORIZON = 1.1, 1.5
-"""
-Horizon h in latencies, to which a period is added, and largest h in latencies.
-
-A smaller one is more accurate and tolerates smaller errors of latency and masses. Without the
-period, nodes at 500 Hz with a jitter of some milliseconds diverge on a busy machine.
-"""
-
-SLOPE, SLOPE_PERIODS = 0.25, 0.05
-"""
-Gain beta_2 of the slope, as a multiple of beta squared: least, and increase with T / latency.
-
-A larger one is more accurate. With a latency of many periods the loop then oscillates if the
-assumed masses are less than 0.4 of the true ones.
-"""
-
 BANDWIDTH = 200.0
 """
 Default bandwidth in rad/s of the observer for angles without velocities.
 
 A faster one turns steps of the encoders into torques. Heavy joints and those close to their torque
 limit then lose the path.
-"""
-
-LAG_SHARE, LEAST_LAG_SHARE = 0.25, 0.75
-"""
-Shares of the motor lag in the latency of the rule for h and beta: added, and the least.
-
-The model contains the lag, so the gains need a part of it only. Without latency, a smaller least
-share is unstable.
 """
 
 LONGEST_EXCESS = 0.005
@@ -287,40 +263,6 @@ def total_latency(settings: CompensationSettings, memory: CompensationMemory) ->
     return min(usual + min(max(memory.later, -most), most), longest)
 
 
-@formula
-def _latency_of_rule(settings: Settings) -> float:
-    """Return the latency in s by which the rule sets h and beta."""
-    lag = settings.motor_lag
-    return max(settings.latency + LAG_SHARE * lag, LEAST_LAG_SHARE * lag)
-
-
-@formula
-def _horizon(settings: Settings) -> float:
-    """Return h in s."""
-    chosen = settings.compensation_horizon
-    latency, period = _latency_of_rule(settings), settings.period
-    longer = max(latency, period)
-    of_rule = min(HORIZON * longer + period, LARGEST_HORIZON * longer)
-    of_rule = of_rule if latency > 0.0 else period
-    return chosen if chosen > 0.0 else of_rule
-
-
-@formula
-def estimate_gain(settings: Settings) -> float:
-    """Return beta, the gain of the disturbance estimate per tick."""
-    chosen, latency = settings.compensation_gain, _latency_of_rule(settings)
-    period = settings.period
-    return chosen if chosen > 0.0 else (period / latency if latency > 4.0 * period else 0.25)
-
-
-@formula
-def _slope(settings: Settings) -> float:
-    """Return beta_2 as a multiple of beta squared."""
-    chosen, period = settings.compensation_slope, settings.period
-    of_rule = SLOPE + SLOPE_PERIODS * period / max(_latency_of_rule(settings), period)
-    return chosen if chosen > 0.0 else of_rule
-
-
 # History of commands.
 
 
@@ -464,36 +406,6 @@ def _followed(d: float, slope: float, f: float, gain: float) -> float:
     return d + gain * f + slope
 
 
-@formula
-def observer_gains(
-    bandwidth: float, period: float, gain: float, slope_gain: float
-) -> tuple[float, float, float, float]:
-    """
-    Return the gains of angle, rate (times T), d (times T^2) and delta (times T^2).
-
-    Two poles are 1 / (1 + bandwidth T). The others are those of the estimate from measured rates.
-    docs/theory/latency.md derives them.
-
-    Parameters
-    ----------
-    bandwidth
-        Bandwidth of the observer in rad/s, see `BANDWIDTH`.
-    period
-        Time T since the last computed tick in s.
-    gain
-        Gain beta of d.
-    slope_gain
-        Gain beta_2 of delta.
-
-    """
-    a = 1.0 - 1.0 / (1.0 + bandwidth * period)
-    b = gain + slope_gain
-    of_slope = a * a * slope_gain
-    of_d = a * a * b + 2.0 * a * slope_gain - 1.5 * of_slope
-    of_rate = a * a + 2.0 * a * b + slope_gain - 1.5 * of_d - 0.5 * of_slope
-    return 2.0 * a + b - of_rate - 0.5 * of_d, of_rate, of_d, of_slope
-
-
 @kernel
 def _follow_state(
     settings: CompensationSettings, memory: CompensationMemory, state: State
@@ -527,12 +439,12 @@ def _follow_state(
             mechanism.posture(model, position),
             state.position_rates,
             rates,
-            estimate_gain(settings),
+            delay_gains.estimate_gain(settings),
         )
-        slope_gain = _slope(settings) * gain * gain
+        slope_gain = delay_gains.slope(settings) * gain * gain
         if is_estimated:
             bandwidth = filter_bandwidth(settings, BANDWIDTH)
-            gains = observer_gains(bandwidth, elapsed, gain, slope_gain)
+            gains = delay_gains.observer_gains(bandwidth, elapsed, gain, slope_gain)
             missed = elementwise(minus, tail(position, rates), tail(reached, rates))
             angles = elementwise(moved, tail(reached, rates), missed, gains[0])
             base = head(position, memory.measured_base)
@@ -728,7 +640,7 @@ COMPENSATIONS = {
         reduced_torque=_reduced_torque,
         error=_measured_error,
         gradient=_measured_gradient,
-        horizon=_horizon,
+        horizon=delay_gains.horizon,
         is_on=_always,
     ),
 }
