@@ -275,7 +275,7 @@ def _split_buffer(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue
     second = build.gep(block.data, [build.mul(lengths[0], lengths[1])])
     parts = []
     for place, shape in ((block.data, lengths[:2]), (second, lengths[2:])):
-        # Both parts own the vector, which exists until neither is used.
+        # Both parts own a vector on the heap, which exists until neither is used.
         part = array_over(compiler, MATRIX, place, shape, owner=block.meminfo)
         context.nrt.incref(build, MATRIX, part)
         parts.append(part)

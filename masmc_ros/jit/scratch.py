@@ -24,7 +24,7 @@ from masmc_ros.jit.generated import (
     Types,
     TypingContext,
 )
-from masmc_ros.jit.tuples import FLOAT
+from masmc_ros.jit.tuples import FLOAT, new_array
 from masmc_ros.jit.vectors import VectorType
 from numba import types
 from numba.core import cgutils
@@ -77,10 +77,6 @@ def copy_into(array: Array, values: Array) -> None:
         flat[i] = source[i]
 
 
-def _empty(shape: int | tuple[int, ...]) -> Array:
-    return np.empty(shape)
-
-
 def _type_of_scratch(context: TypingContext, *shape: Type) -> Type:
     return types.Array(FLOAT, len(shape), 'C')
 
@@ -94,12 +90,6 @@ def _lengths(compiler: Compiler, kinds: Types, values: IrValues) -> tuple[list[I
     for length in lengths[1:]:
         count = compiler.builder.mul(count, length)
     return lengths, count
-
-
-def _on_heap(compiler: Compiler, lengths: list[IrValue]) -> IrValue:
-    pair = types.UniTuple(types.intp, len(lengths))
-    shape = compiler.context.make_tuple(compiler.builder, pair, lengths)
-    return compiler.internal(_empty, compiler.result, (pair,), (shape,))
 
 
 @generated(scratch, _type_of_scratch)
@@ -117,7 +107,7 @@ def _scratch(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
         with then:
             build.store(array_over(compiler, compiler.result, room, lengths), buffer)
         with otherwise:
-            build.store(_on_heap(compiler, lengths), buffer)
+            build.store(new_array(compiler, compiler.result, lengths), buffer)
     return build.load(buffer)
 
 
@@ -125,7 +115,7 @@ def _scratch(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
 def _lasting(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     lengths, count = _lengths(compiler, kinds[1:], values[1:])
     if not isinstance(kinds[0], VectorType):
-        return _on_heap(compiler, lengths)
+        return new_array(compiler, compiler.result, lengths)
     workspace = vectors.workspace_of(compiler, values[0])
     data = vectors.data_of(compiler, vectors.new_vector(compiler, FLOAT, count, workspace))
     return array_over(compiler, compiler.result, data, lengths)

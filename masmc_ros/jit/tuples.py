@@ -66,13 +66,20 @@ def _has_sized(kinds: Types) -> bool:
     return any(isinstance(kind, VectorType) for kind in kinds)
 
 
-def _empty(shape: int | tuple[int, ...]) -> Array:
+def _empty(shape: tuple[int, ...]) -> Array:
     return np.empty(shape)
 
 
+def new_array(compiler: Compiler, kind: types.Array, lengths: IrValues) -> IrValue:
+    """Return an uninitialised array on the heap."""
+    pair = types.UniTuple(types.intp, len(lengths))
+    shape = compiler.tuple_of(lengths, pair)
+    return compiler.internal(_empty, kind, (pair,), (shape,))
+
+
 def new_vector(compiler: Compiler, count: IrValue) -> IrValue:
-    """Return an uninitialised array of `count` numbers."""
-    return compiler.internal(_empty, VECTOR, (types.intp,), (count,))
+    """Return an uninitialised array of `count` numbers on the heap."""
+    return new_array(compiler, VECTOR, [count])
 
 
 def entry_place(compiler: Compiler, kind: Type, value: IrValue, i: IrValue) -> IrValue:
@@ -256,13 +263,8 @@ def _table_of_array(compiler: Compiler, kinds: Types, values: IrValues) -> IrVal
     context, build = compiler.context, compiler.builder
     row = called(context.typing_context, function, (argument, types.intp)).return_type
     count = _length(compiler, template, values[1])
-    if _is_tuple(row):
-        wide = context.get_constant(types.intp, len(row))
-        pair = types.UniTuple(types.intp, 2)
-        shape = context.make_tuple(build, pair, [count, wide])
-        out = compiler.internal(_empty, compiler.result, (pair,), (shape,))
-    else:
-        out = new_vector(compiler, count)
+    wide = [context.get_constant(types.intp, len(row))] if _is_tuple(row) else []
+    out = new_array(compiler, compiler.result, [count, *wide])
     array = context.make_array(compiler.result)(context, build, out)
     with cgutils.for_range(build, count) as loop:
         entry = compiler.call(function, row, (argument, types.intp), (values[2], loop.index))

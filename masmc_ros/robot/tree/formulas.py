@@ -27,7 +27,7 @@ from masmc_ros.robot.gradient_step import gradient_step
 from masmc_ros.robot.tree import dynamics
 from masmc_ros.robot.tree.articulated import write_accelerations
 from masmc_ros.robot.tree.consistency import consistency_normal, weakest_motion
-from masmc_ros.robot.tree.dynamics import GRAVITY
+from masmc_ros.robot.tree.dynamics import GRAVITY, inertia
 from masmc_ros.robot.tree.friction import add_friction, write_friction_gradient
 from masmc_ros.robot.tree.kinematics import base_motion, place, Posture
 from masmc_ros.robot.tree.natural_adaptation import adapted
@@ -59,6 +59,7 @@ __all__ = [
     'consistency_normal',
     'follow_drift',
     'forces_from_task',
+    'inertia',
     'motion_from_task',
     'reachable_surface',
     'reference_motion',
@@ -249,12 +250,6 @@ def theta_step(
 def preserves_consistency(model: TreeModel, settings: _Settings) -> bool:
     """Return True if the adaptation is natural."""
     return settings.adaptation == NATURAL
-
-
-@kernel
-def inertia(model: TreeModel, posture: Posture, theta: Numbers) -> Array:
-    """Return H (n, n)."""
-    return dynamics.inertia(model, posture, theta)
 
 
 @kernel
