@@ -145,16 +145,22 @@ def test_metrics_single_state_has_no_window() -> None:
     assert result.of('end_effector').settling == 0.0
 
 
-@pytest.fixture(scope='module')
-def simulated(tmp_path_factory: pytest.TempPathFactory) -> Run:
-    """Return one second of the paper's experiment with a robot other than the default."""
-    path = tmp_path_factory.mktemp('log') / 'run.mcap'
-    values = load_scenario(str(PAPER), ['duration=1.0', 'robot.link_2_length=0.4'])
+def logged_run(folder: Path, file: Path, *settings: str) -> Run:
+    """Return a simulated run of a parameter file, read from its log."""
+    path = folder / 'run.mcap'
+    values = load_scenario(str(file), settings)
     simulation = Simulation(values)
-    with SimulationLog(path, simulation, values, {PAPER.name: PAPER.read_bytes()}) as log:
+    with SimulationLog(path, simulation, values, {file.name: file.read_bytes()}) as log:
         for tick_block in simulation.run():
             log.write(tick_block)
     return read_run(path)
+
+
+@pytest.fixture(scope='module')
+def simulated(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    """Return one second of the paper's experiment with a robot other than the default."""
+    folder = tmp_path_factory.mktemp('log')
+    return logged_run(folder, PAPER, 'duration=1.0', 'robot.link_2_length=0.4')
 
 
 def test_tracking_error_from_states_equals_logged_error(simulated: Run) -> None:
@@ -163,6 +169,18 @@ def test_tracking_error_from_states_equals_logged_error(simulated: Run) -> None:
     np.testing.assert_allclose(computed.error, logged.error, rtol=0, atol=1e-13)
     # The robot moved; otherwise the agreement would prove nothing.
     assert np.ptp(logged.error, axis=0).min() > 1e-3
+
+
+@pytest.mark.slow
+def test_tracking_rotation_error_from_states_equals_logged_error(tmp_path: Path) -> None:
+    """The error of a rotation is not the difference of two rotation vectors."""
+    run = logged_run(tmp_path, PAPER.parent / 'ur5.yaml', 'duration=0.5', 'controller.law=pid')
+    logged, computed = tracking(run), tracking(without_error(run))
+    np.testing.assert_allclose(computed.error, logged.error, rtol=0, atol=1e-13)
+    assert computed.actual is not None
+    assert computed.desired is not None
+    difference = computed.actual - computed.desired
+    assert np.abs(difference - logged.error)[:, 3:].max() > 1e-6
 
 
 @pytest.mark.parametrize('missing', ['reference', 'parameters'])

@@ -74,9 +74,10 @@ def tracking(run: Run) -> Tracking:
     published = run.telemetry.get('error')
     if published is not None:
         times, error = published.times, published.values
-    elif actual is not None and desired is not None:
+    elif robot is not None and desired is not None:
         known = np.isfinite(desired).all(axis=1)
-        times, error = run.times[known], (actual - desired)[known]
+        times = run.times[known]
+        error = robot.task_errors(run.position[known], desired[known])
     else:
         return Tracking(np.zeros(0), np.zeros((0, axes)), actual, desired)
     if actual is None and desired is not None:
