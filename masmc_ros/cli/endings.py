@@ -45,7 +45,7 @@ def ended_by_signals(*, restores: bool = True) -> Iterator[None]:
 
     def end(number: int, frame: FrameType | None) -> None:
         ends.append(Ended(number))
-        raise ends[0]
+        raise ends[-1]
 
     handlers = {number: signal.getsignal(number) for number in ENDING}
     replaced = {n: h for n, h in handlers.items() if h not in (None, signal.SIG_IGN)}

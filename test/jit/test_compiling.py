@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 import gc
 import time
-from typing import Any
+from typing import Any, cast
 
 from masmc_ros.aliases import Function, Records
 from masmc_ros.jit.compiled import (
@@ -147,8 +147,10 @@ def test_function_called_by_address_compiles_once() -> None:
 @pytest.mark.skipif(is_interpreted(), reason='nothing is compiled')
 def test_formula_in_kernel_has_no_machine_code() -> None:
     assert _tripled_twice(2.0) == 18.0
+    # Its attributes are those of a Formula, not of the function that it decorates.
+    compiled = cast(Any, _tripled)._compiled
     # The kernel may be that on the disk, without its formulas.
-    _tripled._compiled.compile((numba.float64,))  # type: ignore[attr-defined]
-    code = next(iter(_tripled._compiled.overloads.values()))  # type: ignore[attr-defined]
+    compiled.compile((numba.float64,))
+    code = next(iter(compiled.overloads.values()))
     assert code.library.get_pointer_to_function(code.fndesc.llvm_func_name) == 0
     assert _tripled(2.0) == 6.0
