@@ -352,7 +352,9 @@ class ControllerCore:
             signals = self.controller.signals[0]
             self._position[:] = signals['position'][:, 0]
             self._velocity[:] = signals['velocity'][:, 0]
-        if self._order.last is not None and self._was_computed and not self.supervisor.is_active:
+        # A law or a safe stop that ended after the last state in lock-step must not continue.
+        has_ended = self._was_computed or (self._stop.commands and self._stop_action() == VOID)
+        if self._order.last is not None and has_ended and not self.supervisor.is_active:
             self._halt()
         return self._take_more()
 

@@ -160,6 +160,17 @@ def test_core_change_to_real_time_while_inactive_halts(action: str) -> None:
     assert (Halt if action == 'void' else HaltCommand) in kinds(actions)
 
 
+def test_core_change_to_real_time_after_released_hand_guiding_halts() -> None:
+    loop = CoreLoop(node_values({'pacing': 'lockstep'}))
+    loop.run(0.5)
+    loop.perform(loop.core.on_guide(loop.now, enabled=True))
+    loop.run(0.1)
+    assert loop.core._stop.commands
+    assert not {Halt, HaltCommand} & set(kinds(loop.core.on_transition(0, 'cleanup', loop.now)))
+    assert Halt in kinds(loop.core.on_plant('realtime'))
+    assert not loop.core._stop.commands
+
+
 def test_core_shutdown_halts() -> None:
     loop = loop_of()
     loop.run(0.5)
