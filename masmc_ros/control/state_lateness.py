@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from masmc_ros.law.parts.delay_compensation import LONGEST
+from masmc_ros.law.parts.delay_fields import LONGEST
 from masmc_ros.loop.controller import Controller
 
 _MEMORY = 1000

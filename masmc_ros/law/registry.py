@@ -32,7 +32,7 @@ from masmc_ros.law.observing.time_delay import TIME_DELAY
 from masmc_ros.law.parts import (
     adaptation,
     command_limits,
-    delay_compensation,
+    delay_fields,
     model,
     moving_base,
     velocity_estimator,
@@ -176,7 +176,7 @@ def shared_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
             *command_limits.PARAMETERS,
             *velocity_estimator.PARAMETERS,
             moving_base.BASE_LAG,
-            *delay_compensation.PARAMETERS,
+            *delay_fields.PARAMETERS,
             COMMAND_INTERFACE,
             ENABLE_STAMPED_CMD_VEL,
         ),

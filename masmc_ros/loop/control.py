@@ -16,7 +16,7 @@ from masmc_ros.law import law
 from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.parts import delay_compensation, moving_base, velocity_estimator
 from masmc_ros.law.parts.command_limits import within_limits
-from masmc_ros.law.parts.delay_compensation import State
+from masmc_ros.law.parts.delay_prediction import State
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.velocity_estimator import estimate_rates, ESTIMATED, note_disturbance
 from masmc_ros.law.tick import tick_of

@@ -15,7 +15,7 @@ from masmc_ros.law import registry
 from masmc_ros.law.command_interface import by_velocity, is_hybrid, takes_rates
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts import velocity_estimator
-from masmc_ros.law.parts.delay_compensation import HISTORY
+from masmc_ros.law.parts.delay_fields import HISTORY
 from masmc_ros.law.parts.model import PAYLOAD
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES
 from masmc_ros.law.plug_in import PlugInLaw

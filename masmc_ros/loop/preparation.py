@@ -39,7 +39,7 @@ from masmc_ros.jit.sources import files_of
 from masmc_ros.law import registry
 from masmc_ros.law.command_interface import COMMAND_INTERFACE, is_hybrid, takes_rates
 from masmc_ros.law.law import Law
-from masmc_ros.law.parts.delay_compensation import ENABLING
+from masmc_ros.law.parts.delay_fields import ENABLING
 from masmc_ros.law.rasmc import RASMC
 from masmc_ros.law.smc import SMC
 from masmc_ros.loop import records

@@ -18,7 +18,7 @@ from masmc_ros.jit.record import AT_RUN_TIME, fill, new_record
 from masmc_ros.law.command_interface import by_velocity, takes_rates
 from masmc_ros.law.declared import declared_for
 from masmc_ros.law.law import Law
-from masmc_ros.law.parts import delay_compensation
+from masmc_ros.law.parts import delay_compensation, delay_fields
 from masmc_ros.law.parts.moving_base import BY_TORQUE, BY_VELOCITY
 from masmc_ros.law.registry import parameters, REACHING, shared_parameters
 from masmc_ros.loop import control
@@ -49,7 +49,7 @@ def law_settings(
     """
     own = (*shared_parameters(mechanism), *law.parameters)
     declared = map(field_of, declared_for(mechanism, own))
-    further = delay_compensation.SETTINGS if compensated else ()
+    further = delay_fields.SETTINGS if compensated else ()
     fields = (*further, *control.SETTINGS, *(field for field in declared if field is not None))
     tags = {
         'mechanism': mechanism.tag,
@@ -111,7 +111,7 @@ def of_tick_before(law: Law, *, compensated: bool = False) -> tuple[str, ...]:
 def _memory_fields(law: Law, *, compensated: bool) -> tuple[Field, ...]:
     terms = (field for term in REACHING.values() for field in term.memory)
     # In front: Numba would accept a record with more fields at its end as one without them.
-    further = delay_compensation.MEMORY if compensated else ()
+    further = delay_fields.MEMORY if compensated else ()
     return (*further, *control.MEMORY, *law.memory, *terms)
 
 
@@ -121,9 +121,9 @@ def is_compensated(values: Values) -> bool:
 
     Raises InputError for commanded velocities of all joints, whose motion is not predicted.
     """
-    is_on = delay_compensation.is_compensated(values)
+    is_on = delay_fields.is_compensated(values)
     if is_on and takes_rates(values):
-        *names, last = delay_compensation.ENABLING
+        *names, last = delay_fields.ENABLING
         raise InputError(
             f'command_interface = velocity: expected {", ".join(names)} and {last} 0, because '
             'only torques are compensated, or effort or hybrid'

@@ -21,6 +21,12 @@ def minus(a: float, b: float) -> float:
 
 
 @formula
+def times(value: float, factor: float) -> float:
+    """Return `value * factor`."""
+    return value * factor
+
+
+@formula
 def zero(value: float) -> float:
     """Return 0 for any number."""
     return 0.0

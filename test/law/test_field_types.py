@@ -13,7 +13,7 @@ from masmc_ros.jit.field import Field
 from masmc_ros.law.declared import declared_for
 from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.law import Law
-from masmc_ros.law.parts import delay_compensation
+from masmc_ros.law.parts import delay_fields
 from masmc_ros.law.registry import LAWS, OF_RATES, REACHING, shared_parameters
 from masmc_ros.loop import control, records
 from masmc_ros.loop.signals import SIGNALS
@@ -77,10 +77,10 @@ def test_field_types_of_plant_and_signals_equal_declarations(
 
 def test_field_types_of_compensation_equal_declarations() -> None:
     settings, memory = declared(None)
-    settings |= types_of(delay_compensation.SETTINGS)
-    memory |= types_of(delay_compensation.MEMORY)
-    assert annotations(delay_compensation.CompensationSettings) == settings
-    assert annotations(delay_compensation.CompensationMemory) == memory
+    settings |= types_of(delay_fields.SETTINGS)
+    memory |= types_of(delay_fields.MEMORY)
+    assert annotations(delay_fields.CompensationSettings) == settings
+    assert annotations(delay_fields.CompensationMemory) == memory
 
 
 @pytest.mark.parametrize('law', [*LAWS.values(), OF_RATES], ids=lambda law: law.name)

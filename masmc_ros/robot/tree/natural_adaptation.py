@@ -24,6 +24,7 @@ from masmc_ros.jit.compiled import formula, kernel
 from masmc_ros.jit.scratch import clear, copy_into, scratch
 from masmc_ros.jit.tuples import dot, elementwise, matrix_times
 from masmc_ros.numerics.portable_math import AT_ONCE
+from masmc_ros.numerics.scalars import times
 from masmc_ros.robot.tree.friction import adapt_friction
 from masmc_ros.robot.tree.spatial import MOMENTS, Moments, PER_BODY
 from masmc_ros.robot.tree.tree_model import bodies_of, TreeModel
@@ -165,10 +166,10 @@ def natural_step(inertial_parameters: Moments, gradient: Moments, step: float) -
     )
     by_weight = elementwise(_inverse, weights)
     e, f, g, h = (
-        elementwise(_times, p, by_weight),
-        elementwise(_times, q, by_weight),
-        elementwise(_times, r, by_weight),
-        elementwise(_times, s, by_weight),
+        elementwise(times, p, by_weight),
+        elementwise(times, q, by_weight),
+        elementwise(times, r, by_weight),
+        elementwise(times, s, by_weight),
     )
     after_step = (
         dot(p, e),
@@ -204,12 +205,7 @@ def bounded(inertial_parameters: Moments, nominal: Moments, upper: float) -> Mom
     size = inertial_parameters[4] + inertial_parameters[5] + inertial_parameters[6]
     most = upper * (nominal[4] + nominal[5] + nominal[6])
     part = min(part, most / size) if size > most else part
-    return elementwise(_times, inertial_parameters, part)
-
-
-@formula
-def _times(value: float, part: float) -> float:
-    return value * part
+    return elementwise(times, inertial_parameters, part)
 
 
 @formula
