@@ -12,6 +12,7 @@ import signal
 import subprocess
 import sys
 
+from benchmarks.real_time import DELAYED, RATE_DELAYED
 from helpers.processes import NODES, PAPER, peer, processes, ros_arguments
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.robot.two_link.paper_robot import TORQUE_LIMIT
@@ -33,14 +34,32 @@ def other_work() -> Iterator[None]:
             loop.wait()
 
 
+# A plant whose states and commands are each up to 5 ms late, and its controller.
+_DELAYS = {
+    'pacing': 'realtime',
+    'duration': 0.0,
+    'control_period': 1.0 / RATE_DELAYED,
+    **{name.replace('.', '__'): value for name, value in DELAYED.items()},
+}
+
+CASES = {
+    'no file': ros_arguments(None),
+    'paper and realtime': [
+        *ros_arguments(PAPER, duration=0.0),
+        '--params-file',
+        str(PAPER.parent / 'realtime.yaml'),
+    ],
+    'delays': ros_arguments(PAPER, **_DELAYS),
+}
+"""Arguments of all nodes."""
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize('is_paper', [False, True], ids=['no file', 'paper and realtime'])
-def test_real_time_run_busy_machine_stays_bounded(tmp_path: Path, *, is_paper: bool) -> None:
+@pytest.mark.parametrize('case', CASES)
+def test_real_time_run_busy_machine_stays_bounded(tmp_path: Path, case: str) -> None:
     log = tmp_path / 'run.mcap'
-    arguments = ros_arguments(None, recorder__output=log)
-    if is_paper:
-        arguments = ros_arguments(PAPER, recorder__output=log, duration=0.0)
-        arguments += ['--params-file', str(PAPER.parent / 'realtime.yaml')]
+    arguments = [*CASES[case], '-p', f'recorder:output:={log}']
+    is_paper = case == 'paper and realtime'
     with other_work(), processes(tmp_path) as started, peer(started.domain) as tester:
         nodes = started.start_all(*arguments, nodes=NODES)
         stamps = tester.watch_time()
