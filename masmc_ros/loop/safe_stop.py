@@ -13,9 +13,10 @@ with gravity g and full inertia H of the nominal model. The reference brakes fro
 velocities at the end of the law: v_r' = -8 v_r, q_r' = v_r. Wheels are held like other joints.
 `gravity` and hand guiding have no stiffness, the term with q - q_r.
 
-Three times bound the gain alpha: the period T, an assumed delay of another period, and the time in
-which `torque_rate_limit` allows a torque to rise to `torque_limit`. The full inertia is essential:
-with its diagonal alone, damping is stable only at a fifth of the gain.
+Three times bound the gain alpha: the period T, the delay (`latency` and `motor_lag`, or another
+period if they are shorter), and the time in which `torque_rate_limit` allows a torque to rise to
+`torque_limit`. The full inertia is essential: with its diagonal alone, damping is stable only at a
+fifth of the gain.
 """
 
 from __future__ import annotations
@@ -123,6 +124,7 @@ def _stop_torque(
         share = elapsed / (elapsed + _FILTER)
         before = body.angles
         rates = elementwise(_filtered, body.rates, before, angles, elapsed, share)
+    elapsed = min(elapsed, _LONGEST)
     v_r = elementwise(
         _led,
         body.reference_rates,
@@ -230,6 +232,8 @@ class SafeStop:
         """
         controller = self._controller
         rates = controller.rates(velocity).copy()
+        # After a divergence the estimated ones may not be finite.
+        rates[~np.isfinite(rates)] = 0.0
         commanded = controller.commanded.copy()
         controller.output_not_applied()
         self.action = VOID if controller.commands_rates else action
@@ -237,25 +241,33 @@ class SafeStop:
             return
         controller.commanded[:] = commanded
         self._stamp = stamp
-        gain = self._largest_gain()
         if action == GUIDE:
-            gain = min(gain, _GUIDE_GAIN)
             rates[:] = 0.0
-        self._gain = 0.0 if action == BALANCE else gain
-        self._stiffness = 0.25 * gain if action in (HOLD, UNFOLD) else 0.0
-        self._pull = _UNFOLDING if action == UNFOLD else 0.0
+        self.change()
         angles = position[-len(rates):]
         goal = self._regular_posture(angles, rates) if action == UNFOLD else None
         for name, value in (
-            ('nominal', controller.nominal),
-            ('limit', controller.values['torque_limit']),
-            ('rate_limit', controller.values['torque_rate_limit']),
             ('angles', angles),
             ('rates', rates),
             ('reference_angles', angles),
             ('goal', angles if goal is None else goal),
             ('reference_rates', rates),
             ('torque', commanded),
+        ):
+            fill(self._record, name, np.asarray(value, np.float64))
+
+    def change(self) -> None:
+        """Use the nominal model and the parameter values of the controller from now on."""
+        controller, gain = self._controller, self._largest_gain()
+        if self.action == GUIDE:
+            gain = min(gain, _GUIDE_GAIN)
+        self._gain = 0.0 if self.action == BALANCE else gain
+        self._stiffness = 0.25 * gain if self.action in (HOLD, UNFOLD) else 0.0
+        self._pull = _UNFOLDING if self.action == UNFOLD else 0.0
+        for name, value in (
+            ('nominal', controller.nominal),
+            ('limit', controller.values['torque_limit']),
+            ('rate_limit', controller.values['torque_rate_limit']),
         ):
             fill(self._record, name, np.asarray(value, np.float64))
 
@@ -280,7 +292,7 @@ class SafeStop:
         if not self.commands:
             return False
         controller = self._controller
-        elapsed = min(max((stamp - self._stamp) * 1e-9, 0.0), _LONGEST)
+        elapsed = max((stamp - self._stamp) * 1e-9, 0.0)
         self._stamp = stamp
         is_estimated = controller.values['velocity_source'] == SOURCES[ESTIMATED]
         if not _stop_torque(

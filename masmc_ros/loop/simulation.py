@@ -136,6 +136,7 @@ class Simulation:
     def _make(self, change: Change) -> None:
         if change.values:
             self.controller.change(change.values)
+            self._stop.change()
         if change.event == ACTIVATED:
             if not self._is_active:
                 self._start_approach()

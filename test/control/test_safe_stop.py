@@ -6,18 +6,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from helpers import small_tree
 from helpers.core_loop import CoreLoop, node_values
 from masmc_ros.errors import InputError
+from masmc_ros.jit.lanes import lane_of
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.safe_stop import GRAVITY, HOLD, SafeStop, VOID
 from masmc_ros.loop.simulated_robot import plant_of
+from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.robot import robot_of
 import numpy as np
 import pytest
 
+CONFIG = Path(__file__).parents[2] / 'config'
+REAL_TIME = tuple(f'{node}.pacing=realtime' for node in ('plant', 'controller', 'trajectory'))
 LIMIT = np.array([8.0, 8.0, 20.0, 10.0])
 ROBOTS = 'package://example-robot-data/robots'
 TREES: dict[str, tuple[dict[str, Any], tuple[float, ...]]] = {
@@ -228,3 +233,65 @@ def test_safe_stop_velocity_interface_action_void() -> None:
     stop.start(HOLD, 0, np.ones(7), np.zeros(7))
     assert stop.action == VOID
     assert not stop.update(0, np.ones(7), np.zeros(7))
+
+
+def test_safe_stop_changed_parameters_take_effect() -> None:
+    """A payload announced during hand guiding is carried; a lower limit holds at once."""
+    loop = _changing(hold=False)
+    before = loop.torque
+    _change(loop, {'payload.mass': 3.0, 'payload.com': (0.0, 0.0, 0.05)})
+    carried = loop.torque
+    loop.perform(loop.core.on_guide(loop.now, enabled=False))
+    loop.step()
+    loop.perform(loop.core.on_guide(loop.now, enabled=True))
+    loop.step()
+    assert np.abs(carried - before).max() > 5.0
+    np.testing.assert_allclose(carried, loop.torque, atol=1.0)
+    loop = _changing(hold=True)
+    assert np.abs(loop.torque).max() > 10.0
+    _change(loop, {'torque_limit': (5.0,) * 6})
+    assert np.abs(loop.torque).max() <= 5.0
+
+
+@pytest.mark.parametrize('latency', [0.0, 0.005])
+@pytest.mark.parametrize('source', ['measured', 'estimated'])
+def test_safe_stop_estimate_not_finite_holds(source: str, latency: float) -> None:
+    loop = CoreLoop(node_values(controller={'velocity_source': source, 'latency': latency}))
+    loop.run(0.3)
+    loop.controller.estimate[:] = np.inf
+    loop.run(0.1)
+    assert loop.state.startswith('fault')
+    assert loop.torque is not None
+    assert np.isfinite(loop.torque).all()
+
+
+def test_safe_stop_after_gap_estimates_true_velocity() -> None:
+    """Without measured velocities, a gap of 0.5 s does not multiply them."""
+    controller = CoreLoop(node_values(controller={'velocity_source': 'estimated'})).controller
+    stop = SafeStop(controller)
+    position, velocity = np.array([0.0, 0.0, 1.57, 0.0, 0.0, 0.78, -1.57]), np.zeros(7)
+    stop.start(HOLD, 0, position, velocity)
+    moved = position.copy()
+    moved[-1] += 0.5
+    stop.update(500_000_000, moved, velocity)
+    assert lane_of(stop._record[0], 0).rates[-1] == pytest.approx(1.0, rel=0.02)
+
+
+def _changing(*, hold: bool) -> CoreLoop:
+    """Return a UR5 that is guided by hand, or held."""
+    scenario = load_scenario(str(CONFIG / 'ur5.yaml'), REAL_TIME)
+    scenario['controller']['model_scale'] = 1.0
+    loop = CoreLoop(scenario)
+    loop.run(0.3)
+    if hold:
+        loop.perform(loop.core.on_enable(loop.now, enabled=False))
+    else:
+        loop.perform(loop.core.on_guide(loop.now, enabled=True))
+    loop.run(0.2)
+    return loop
+
+
+def _change(loop: CoreLoop, values: dict[str, Any]) -> None:
+    loop.controller.change(values)
+    loop.perform(loop.core.on_parameters(values))
+    loop.step()
