@@ -178,7 +178,8 @@ class ControllerCore:
         self._is_stale = False
         self._is_confused = False
         self._has_plant = False
-        self._has_guided = False
+        # Whether this controller has commanded a torque since its start or `_release`.
+        self._has_moved = False
         self._action = VOID
         self._awaited = ''
         self._is_unfolding, self._unfolded_by = False, 0
@@ -247,12 +248,13 @@ class ControllerCore:
             self._recover_states()
         return self._respond(stamp, position, velocity, now)
 
-    def on_jump(self) -> Actions:
+    def on_jump(self, now: float) -> Actions:
         """Approach the reference from the pose to which a localisation moves the robot."""
-        if self.pacing.is_timed and self.supervisor.is_active:
-            self._approach.start()
-            self.controller.skip(0)
-        if self._throttle.is_due('jump', self._watched):
+        if not (self.pacing.is_timed and self.supervisor.is_active):
+            return NOTHING
+        self._approach.start()
+        self.controller.skip(0)
+        if self._throttle.is_due('jump', now):
             return (Line('info', 'the pose jumped; the controller approaches its reference'),)
         return NOTHING
 
@@ -301,14 +303,15 @@ class ControllerCore:
         """Time in s at which to call `on_timer`; infinite for never."""
         if not (self.supervisor.is_active or (self._stop.commands and not self._is_stale)):
             return self._void_due
-        if self._missed == self._watched:
-            return self._second_look
-        return self._watched + self._state_timeout
+        is_missed = self._missed == self._watched
+        timeout = self._second_look if is_missed else self._watched + self._state_timeout
+        return min(timeout, self._void_due)
 
     def on_parameters(self, changed: Values) -> Actions:
         """Use checked values from the next tick on, as the controller does; record them."""
         self._values.update(changed)
         self._queue_record(changed=tuple(changed))
+        self._stop.change()
         self._set_pacing(self.pacing)
         self._layer.restart()
         self._watch.restart()
@@ -389,7 +392,7 @@ class ControllerCore:
         if not enabled:
             return '' if self.supervisor.is_guided else 'hand guiding is not active'
         if self.controller.commands_rates:
-            return 'hand guiding needs command_interface = effort'
+            return 'hand guiding needs command_interface = effort or hybrid'
         if self.supervisor.state == FAULT:
             return f'{self.supervisor.text}; call ~/clear_fault first'
         return self.enable_refusal(enabled=enabled)
@@ -539,7 +542,7 @@ class ControllerCore:
         self._is_waiting = True
         self._more.append(Wait(reason))
         # A robot that the law has moved must not continue with its last torque.
-        if self.pacing.is_timed and self._computed is not None and self._halted != stamp:
+        if self.pacing.is_timed and self._has_moved and self._halted != stamp:
             self._halted = stamp
             self._halt()
             self._approach.start()
@@ -554,6 +557,7 @@ class ControllerCore:
             ):
                 return False
             self._is_unfolding, self._was_computed, self._action = True, False, UNFOLD
+            self._has_moved = True
             self._unfolded_by = stamp + round(1e9 * UNFOLDING_TIME)
             self._queue_record(UNFOLDED)
             self._stop.start(UNFOLD, stamp, position, velocity)
@@ -589,6 +593,7 @@ class ControllerCore:
         elif pacing.is_timed:
             self._skip_ticks(stamp, position, now)
         self._was_computed, self._computed, self._halted = True, stamp, None
+        self._has_moved = True
         self._is_stale = False
         if pacing.is_timed:
             approach.watch(stamp, reference)
@@ -639,7 +644,7 @@ class ControllerCore:
     def _stop_torque(self, stamp: int, position: Array, velocity: Array) -> bool:
         """Compute the torque of the safe stop for a state; False for a void command."""
         action, self._is_unfolding = self._stop_action(), False
-        self._has_guided |= action == GUIDE
+        self._has_moved |= action == GUIDE
         is_new = self._was_computed is not False or action != self._action
         if is_new:
             self._queue_record(GUIDED if action == GUIDE else DEACTIVATED)
@@ -652,7 +657,7 @@ class ControllerCore:
         if self.supervisor.is_guided:
             return GUIDE
         # A controller that has not moved the robot does not hold it either.
-        if self._computed is None and not self._has_guided:
+        if not self._has_moved:
             return VOID
         action: str = self._values['fault_action']
         return action
@@ -688,13 +693,14 @@ class ControllerCore:
     # Changes of mode.
 
     def _enable(self, now: float) -> None:
+        before = self.supervisor.activations
         self.supervisor.enable()
-        if self._watched < math.inf:
+        if self._watched < math.inf and self.supervisor.activations != before:
             self._watched = now
 
     def _release(self, now: float) -> Actions:
         """Send a void command, as a controller that has not moved the robot."""
-        self._computed, self._has_guided = None, False
+        self._computed, self._has_moved = None, False
         self._queue_record(RELEASED)
         actions = self._after_change(now)
         if self.pacing.is_timed and self._stop.commands:
@@ -724,7 +730,7 @@ class ControllerCore:
             self._more.append(Line('info', text))
             if not self.pacing.is_timed:
                 # In the restarted run, this controller has not yet moved the robot.
-                self._computed, self._has_guided = None, False
+                self._computed, self._has_moved = None, False
         else:
             self.counts.gaps += 1
             if self._throttle.is_due('gap', now):

@@ -15,6 +15,7 @@ from masmc_ros.control.actions import (
     Finish,
     Halt,
     HaltCommand,
+    Line,
     Repeat,
     StopCommand,
     Void,
@@ -228,3 +229,91 @@ def test_core_endless_run_torque_not_finite_safe_stop_commands(pacing: str) -> N
     assert loop.state.startswith('fault: the closed loop diverged')
     assert StopCommand in kinds(actions)
     assert np.isfinite(loop.core.controller.commanded).all()
+
+
+CALM = {'disturbance.amplitude': (0.0,) * 4}
+STRETCHED = {**CALM, 'initial_joints': (0.0,) * 4}
+"""Plant whose elbow bends before the law starts."""
+
+
+def unfolding() -> CoreLoop:
+    """Return a loop that unfolds after its first activation."""
+    loop = CoreLoop(node_values(controller={'active_on_start': False}, plant=STRETCHED))
+    loop.run(0.2)
+    loop.perform(loop.core.on_enable(loop.now, enabled=True))
+    loop.run(0.1)
+    assert loop.core._is_unfolding
+    return loop
+
+
+def comes_to_rest(loop: CoreLoop, **options: bool) -> None:
+    """Check that joints move less and less, under torques."""
+    loop.run(3.0, **options)
+    assert loop.torque is not None
+    assert np.abs(loop.plant.true_velocity[3:]).max() < 0.3
+
+
+def test_core_end_of_hand_guiding_without_reference_stops_robot() -> None:
+    """A torque of hand guiding must not stay active before the first tick of the law."""
+    loop = CoreLoop(node_values(controller={'active_on_start': False}, plant=CALM))
+    loop.run(0.2, has_reference=False)
+    loop.perform(loop.core.on_guide(loop.now, enabled=True))
+    loop.run(0.5, has_reference=False)
+    loop.perform(loop.core.on_guide(loop.now, enabled=False))
+    assert HaltCommand in kinds(send(loop, loop.tick * NS, loop.now))
+    loop.tick += 1
+    comes_to_rest(loop, has_reference=False)
+    assert loop.state == 'active'
+
+
+def test_core_reference_lost_while_unfolding_stops_robot() -> None:
+    loop = unfolding()
+    loop.core.windows._windows.clear()
+    loop.core.windows._recent = None
+    comes_to_rest(loop, has_reference=False)
+
+
+@pytest.mark.parametrize('is_stop', [True, False])
+def test_core_stop_while_unfolding_holds(is_stop: bool) -> None:
+    loop = unfolding()
+    core = loop.core
+    actions = core.on_stop(loop.now) if is_stop else core.on_enable(loop.now, enabled=False)
+    assert HaltCommand in kinds(actions)
+    loop.perform(actions)
+    comes_to_rest(loop)
+
+
+def test_core_enabled_after_loss_of_states_void_in_time() -> None:
+    """The gravity torque of the last state ends after 0.1 s also if the law is enabled."""
+    loop = loop_of(state_timeout=1.0)
+    loop.run(0.5)
+    now = loop.now
+    while loop.state == 'active':
+        now = pass_time(loop, now, 0.01)
+    assert loop.torque is not None
+    loop.perform(loop.core.on_enable(now, enabled=True))
+    pass_time(loop, now, 0.12)
+    assert loop.torque is None
+
+
+def test_core_enabled_repeatedly_without_states_faults() -> None:
+    loop = loop_of()
+    loop.run(0.5)
+    now = loop.now
+    for _ in range(20):
+        now = pass_time(loop, now, 0.05)
+        if loop.state != 'active':
+            return
+        loop.perform(loop.core.on_enable(now, enabled=True))
+    raise AssertionError('no fault')
+
+
+def test_core_pose_jump_is_logged_only_if_approached() -> None:
+    loop = loop_of()
+    assert Line in kinds(loop.core.on_jump(0.0))
+    assert Line not in kinds(loop.core.on_jump(0.01))
+    assert Line in kinds(loop.core.on_jump(100.0))
+    loop.run(0.5)
+    loop.perform(loop.core.on_enable(loop.now, enabled=False))
+    assert loop.core.on_jump(300.0) == ()
+    assert CoreLoop(node_values({'pacing': 'lockstep'})).core.on_jump(0.0) == ()

@@ -176,7 +176,7 @@ class ControllerNode(SuiteNode):
             self._controller.robot,
             self._rejected_messages,
             self._on_state,
-            lambda: self._perform(core.on_jump()),
+            lambda: self._perform(core.on_jump(time.monotonic())),
         )
         self._echo.watch(self._states.effort)
         core.missing_source = lambda: self._states.missing
