@@ -52,12 +52,10 @@ def outdated_latency(controller: Controller, age: float) -> str:
         another clock.
 
     """
-    latency = controller.values['latency'] + controller.values['motor_lag']
-    total = age + controller.stamp_age
+    latency, total = controller.values['latency'], age + controller.stamp_age
     if controller.commands_rates or not latency + controller.period < total < LONGEST:
         return ''
     return (
-        f'latency = {controller.values["latency"]:g}: the states are {1e3 * total:.1f} ms old '
-        f'when they are answered; expected at least {total - controller.values["motor_lag"]:.4f}, '
-        'and the delay of the drives in addition'
+        f'latency = {latency:g}: the states are {1e3 * total:.1f} ms old when they are answered; '
+        f'expected at least {total:.4f}, and the delay of the drives in addition'
     )

@@ -298,6 +298,9 @@ def test_warning_latency_too_short_names_right_value() -> None:
     text = outdated_latency(controller, 0.0063)
     assert text.startswith('latency = 0.002: the states are 6.3 ms old')
     assert 'at least 0.0063' in text
+    # The age contains no lag of the motors.
+    lagging = DelayedLoop({}, latency=0.002, motor_lag=0.004).controller
+    assert 'at least 0.0063' in outdated_latency(lagging, 0.0063)
     # A simulated plant with a delay stamps its states late.
     controller.set_stamp_age(0.004)
     assert 'at least 0.0073' in outdated_latency(controller, 0.0033)
