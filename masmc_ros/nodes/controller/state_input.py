@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+import math
 import time
 
 from masmc_ros.aliases import Array
@@ -84,8 +85,8 @@ class StateInput:
         self._missing_pose: str | None = None
         self._frame: str = values['pose_frame']
         self._odom_frame = ''
-        self._corrected = -float('inf')
-        self._transforms: dict[str, Array] = {}
+        # Transform to each frame of odometry, and its time of arrival; infinite if it is static.
+        self._transforms: dict[str, tuple[Array, float]] = {}
         if values['pose_source'] == _ODOM:
             self._joints = self._driven
             kind = robot.mechanism
@@ -154,8 +155,8 @@ class StateInput:
         """Return the source that is missing or too old for a state; empty if none is."""
         if base.stamp_ns is None or abs(stamp - base.stamp_ns) > OLDEST_POSE_NS:
             return _ODOM
-        is_old = time.monotonic() - self._corrected > _OLDEST_TRANSFORM
-        if self._frame and (is_old or self._odom_frame not in self._transforms):
+        _, arrival = self._transforms.get(self._odom_frame, (None, -math.inf))
+        if self._frame and time.monotonic() - arrival > _OLDEST_TRANSFORM:
             return f'/tf ({self._frame} to {self._odom_frame})'
         return ''
 
@@ -208,8 +209,8 @@ class StateInput:
         try:
             for parent, child, numbers in transforms_of(raw):
                 if parent.lstrip('/') == self._frame:
-                    self._corrected = time.monotonic() if expires else float('inf')
-                    self._transforms[child.lstrip('/')] = numbers
+                    arrival = time.monotonic() if expires else math.inf
+                    self._transforms[child.lstrip('/')] = numbers, arrival
                     if self._base is not None and child.lstrip('/') == self._odom_frame:
                         self._correct(self._base)
         except InputError as error:
@@ -217,6 +218,5 @@ class StateInput:
 
     def _correct(self, base: BasePose) -> None:
         """Move the frame of the odometry by the last transform to it."""
-        numbers = self._transforms.get(self._odom_frame)
-        if numbers is not None:
-            base.correct(numbers)
+        if self._odom_frame in self._transforms:
+            base.correct(self._transforms[self._odom_frame][0])
