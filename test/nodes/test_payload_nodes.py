@@ -6,16 +6,21 @@
 from __future__ import annotations
 
 from pathlib import Path
+from threading import Event
 
+from helpers.core_loop import CoreLoop, node_values
 from helpers.processes import PAPER, processes, ros_arguments
 from masmc_ros.cli.main import main
 from masmc_ros.identification.live_payload import BlockBuffer, PayloadEstimator
 from masmc_ros.identification.nominal import nominal_of_run
 from masmc_ros.log.read.reader import read_run
+from masmc_ros.nodes.controller.background import Background
+from masmc_ros.nodes.controller.payload_output import PayloadOutput
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 import numpy as np
 import pytest
+from rclpy.logging import get_logger
 
 MASS = 0.8
 EFFECTS = {
@@ -106,3 +111,41 @@ def test_payload_estimate_of_commanded_velocities_prints_error(tmp_path: Path) -
         started.start('controller', *arguments)
         assert started.wait() == {'controller': 2}
         assert 'payload.estimation_time = 5: expected 0 with commanded' in started.output()
+
+
+def test_latency_by_motion_after_changed_latency_is_right() -> None:
+    """The delay beyond `latency` is estimated again for the new one, not added to it."""
+    values = node_values(
+        {'control_period': 0.002},
+        plant={'command_delay': 0.008, 'disturbance.amplitude': (0.0,) * 4},
+        controller={
+            'law': 'computed_torque', 'model_scale': 1.0, 'payload.estimation_time': 10.0,
+        },
+        trajectory={'line_sine.frequency': (3.0,) * 4},
+    )  # fmt: skip
+    loop = CoreLoop(values)
+    background, log = Background(), get_logger('payload')
+    output = PayloadOutput(loop.controller, values['controller'], background, log)
+    output._name = '/controller'
+    reported = []
+
+    def report() -> None:
+        if text := output.figures().get('latency by motion, with motor lag (ms)'):
+            reported.append(float(text.split()[0]))
+
+    try:
+        for second in range(16):
+            if second == 8:
+                loop.controller.change({'latency': 0.009})
+                report()
+            for _ in range(500):
+                loop.step()
+                output.add(loop.timing.stamp(loop.tick - 1))
+            done = Event()
+            background.call(done.set)
+            assert done.wait(10.0)
+            report()
+    finally:
+        background.close()
+    assert len(reported) > 5
+    np.testing.assert_allclose(reported, 8.0, atol=1.0)

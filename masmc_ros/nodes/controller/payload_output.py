@@ -75,8 +75,8 @@ class PayloadOutput:
         self._rates = signals['velocity'][-self._joints:, 0]
         self._tip = mechanism.point_frame or mechanism.frames[-1][1]
         self._frame = values['frame_prefix'] + self._tip
-        # Written by the thread as a whole, and read by the node.
-        self._latest: tuple[int, PayloadEstimate | None] = 0, None
+        # Stamp, latency and estimate, written by the thread as a whole and read by the node.
+        self._latest: tuple[int, float, PayloadEstimate | None] = 0, 0.0, None
         self._published, self._text = 0, ''
         self._is_significant = False
         if values['model_scale'] != 1.0:
@@ -106,17 +106,19 @@ class PayloadOutput:
     def figures(self) -> dict[str, str]:
         """Return the payload for /diagnostics."""
         figures = {'payload': self._text or self._describe(None)}
-        _, estimate = self._latest
+        _, latency, estimate = self._latest
         if estimate is not None and estimate.later.error < _PRECISE:
-            values = self._controller.values
-            latency = values['latency'] + values['motor_lag'] + estimate.later.value
+            latency += estimate.later.value
             text = f'{1e3 * latency:.1f} ± {1e3 * estimate.later.error:.1f}'
             figures['latency by motion, with motor lag (ms)'] = text
         return figures
 
     def _update(self, stamp: int, block: Block, latency: float, uses_rates: bool) -> None:
+        if latency != self._latest[1]:
+            # The estimated delay is relative to the latency of the blocks.
+            self._estimator.restart()
         self._estimator.add(block, latency, uses_rates=uses_rates)
-        self._latest = stamp, self._estimator.estimate()
+        self._latest = stamp, latency, self._estimator.estimate()
 
     def _describe(self, estimate: PayloadEstimate | None) -> str:
         return described(
@@ -124,7 +126,7 @@ class PayloadOutput:
         )
 
     def _publish(self) -> None:
-        stamp, estimate = self._latest
+        stamp, _, estimate = self._latest
         if stamp == self._published:
             return
         self._published, self._text = stamp, self._describe(estimate)
