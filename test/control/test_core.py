@@ -91,6 +91,7 @@ class Core(RuleBasedStateMachine):
     def perform(self, actions: Actions, state: int | None = None) -> None:
         """Apply the actions of an event, and check them."""
         answers = [a for a in actions if type(a) in (Command, StopCommand, Void)]
+        moves = self.core.pacing.is_timed and self.sent is not None and self.sent[0] != 'Void'
         for action in actions:
             event(f'{self.core.pacing.name} {type(action).__name__}')
             if isinstance(action, State):
@@ -135,6 +136,9 @@ class Core(RuleBasedStateMachine):
             self.waiting = None
         elif state is not None and not self.is_over:
             assert self.core._pending == state
+            if moves and state != self.waiting:
+                # The last torque does not stay active while a state waits.
+                assert {Halt, HaltCommand} & {type(action) for action in actions}
             self.waiting = state
         # Without the law, no state waits for a reference.
         assert self.waiting == self.core._pending or self.is_over
