@@ -58,6 +58,8 @@ class Samples:
         (M) Stamps in s of the states from which the commands were computed, ascending.
     commands
         (M, n) Commanded torques in N·m or N.
+    is_interrupted
+        (M) True for a command that a void command follows; None if there are no void commands.
 
     """
 
@@ -66,6 +68,7 @@ class Samples:
     velocity: Array
     command_times: Array
     commands: Array
+    is_interrupted: NDArray[np.bool_] | None = None
 
     @property
     def period(self) -> float:
@@ -135,6 +138,8 @@ class Samples:
         period = float(np.median(np.diff(self.command_times)))
         known = (number >= 0) & ((number < last) | (held < _LONGEST_GAP * period))
         known[number < last] &= commanded[np.maximum(number[number < last], 0)]
+        if self.is_interrupted is not None:
+            known &= ~self.is_interrupted[np.maximum(number, 0)]
         return np.asarray(valid & known[:-1] & known[1:])
 
 
@@ -142,7 +147,8 @@ def samples_of(run: Run) -> Samples:
     """
     Return the states and commands of a logged run.
 
-    Raises InputError for a run without commanded torques, with too few states, or without motion.
+    Void commands are no torques. Raises InputError for a run without commanded torques, with too
+    few states, or without motion.
     """
     if run.commands_rates:
         raise InputError(
@@ -156,6 +162,17 @@ def samples_of(run: Run) -> Samples:
         )
     order = np.argsort(run.torque.times, kind='stable')
     times, first = np.unique(run.torque.times[order], return_index=True)
+    commands, is_interrupted = run.torque.values[order][first], None
+    if run.torque.is_void is not None:
+        # The drives, and not these zeros, determine the torques after a void command.
+        is_torque = ~run.torque.is_void[order][first]
+        is_interrupted = np.append(~is_torque[1:], False)[is_torque]
+        times, commands = times[is_torque], commands[is_torque]
+    if not len(times):
+        raise InputError(
+            f'{run.path}: void commands only; expected commanded torques of an active controller '
+            '(~/enable)'
+        )
     start = max(float(run.times[0]), float(times[0]))
     end = min(float(run.times[-1]), float(times[-1]))
     if end - start < SHORTEST:
@@ -164,8 +181,7 @@ def samples_of(run: Run) -> Samples:
             f'least {SHORTEST:g} s, better 30 s'
         )
     velocity = run.velocity[:, len(run.mechanism.base):]
-    commands = run.torque.values[order][first]
-    samples = Samples(run.times, run.position, velocity, times, commands)
+    samples = Samples(run.times, run.position, velocity, times, commands, is_interrupted)
     fastest = float(np.abs(samples.rates).max())
     if not fastest > _SLOWEST:
         raise InputError(

@@ -82,6 +82,37 @@ def test_samples_gap_in_commands_excluded(logged: Run) -> None:
     assert valid[2110:].all()
 
 
+def void(run: Run, first: int, end: int) -> Run:
+    """Return a run with void commands in a range of its commands."""
+    is_void = np.zeros(len(run.torque), bool)
+    is_void[first:end] = True
+    values = np.where(is_void[:, None], 0.0, run.torque.values)
+    return replace(run, torque=Series(run.torque.stamps, values, is_void=is_void))
+
+
+@pytest.mark.parametrize(('first', 'end'), [(0, 900), (2000, 2001), (2000, 2100), (5900, 6001)])
+def test_samples_void_commands_are_no_torques(logged: Run, first: int, end: int) -> None:
+    samples = samples_of(void(logged, first, end))
+    whole = samples_of(logged)
+    keep = np.ones(len(logged.torque), bool)
+    keep[first:end] = False
+    assert np.array_equal(samples.command_times, whole.command_times[keep])
+    assert np.array_equal(samples.commands, whole.commands[keep])
+    assert not samples.valid[first:end].any()
+    assert samples.valid[:max(0, first - 2)].all()
+    assert samples.valid[end:].all()
+
+
+def test_samples_of_void_commands_only_rejected(logged: Run) -> None:
+    with pytest.raises(InputError, match='void commands only; expected commanded torques'):
+        samples_of(void(logged, 0, len(logged.torque)))
+
+
+def test_samples_short_time_between_void_commands_rejected(logged: Run) -> None:
+    with pytest.raises(InputError, match=r'4\.5 s of states with commands; expected at least 5'):
+        samples_of(void(logged, 0, 1500))
+
+
 @pytest.mark.parametrize(
     ('arguments', 'reason'),
     [

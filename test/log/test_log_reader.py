@@ -97,6 +97,28 @@ def foreign_array(data: list[float], labels: list[str], data_offset: int = 0) ->
     return rosbags_message(ARRAY, layout=layout, data=np.array(data))
 
 
+def test_read_run_void_commands_are_marked(tmp_path: Path) -> None:
+    path = tmp_path / 'run.mcap'
+    command = EffortCdr()
+    with LogWriter(path) as log:
+        states = log.channel('/joint_states', STATE)
+        commands = log.channel('/effort_commands', ARRAY)
+        log.write(states, 0, JointStateCdr().to_bytes())
+        for stamp, is_void in enumerate((True, False, True)):
+            command.set_stamp(stamp)
+            command.is_void = is_void
+            log.write(commands, stamp, command.to_bytes())
+        # An array of another program, void and not.
+        log.write(commands, 10, foreign_array([0.0, 0.0, 0.0, 0.0], [], 4))
+        log.write(commands, 11, foreign_array([0.0, 0.0, 0.0, 0.0], [], 0))
+    torque = read_run(path).torque
+    assert torque.stamps.tolist() == [0, 1, 2, 10, 11]
+    assert torque.is_void is not None
+    assert torque.is_void.tolist() == [True, False, True, True, False]
+    assert torque.values.shape == (5, 4)
+    assert not torque.values.any()
+
+
 def test_read_run_messages_of_other_senders_are_merged(tmp_path: Path) -> None:
     path = tmp_path / 'run.mcap'
     ours = JointStateCdr()

@@ -50,12 +50,15 @@ class Series:
         (n, k).
     orders
         (n) position of each among all messages of the log; None if it is not used.
+    is_void
+        (n) True for void commands, whose values are zero; None if the messages are no commands.
 
     """
 
     stamps: Stamps
     values: Array
     orders: NDArray[np.int64] | None = None
+    is_void: NDArray[np.bool_] | None = None
 
     def __len__(self) -> int:
         """Return the number of stamps."""
@@ -83,6 +86,8 @@ class MessageFormat:
         and values have no meaning if it is not.
     single
         reads a decoded message and its log time in ns: stamp in ns and values.
+    marks_void
+        True if the last value of a message is 1 for a void command, and 0 for others.
 
     """
 
@@ -90,6 +95,7 @@ class MessageFormat:
     layout: Callable[[bytes], Layout | None]
     bulk: Callable[[Messages], tuple[Stamps, Array, NDArray[np.bool_] | bool]]
     single: Callable[[Any, int], tuple[int, Array]]
+    marks_void: bool = False
 
 
 def message_decoder(topic: Topic) -> Callable[[bytes], Any]:
@@ -168,7 +174,11 @@ def decode_topic(topic: Topic, kind: MessageFormat) -> Series:
             first_error = first_error or _undecodable(topic, error)
     if first_error is not None and not usable.any():
         raise first_error
-    return Series(stamps[usable], values[usable], np.array(topic.orders, np.int64)[usable])
+    is_void = None
+    if kind.marks_void:
+        values, is_void = values[:, :-1], values[usable, -1] != 0.0
+    orders = np.array(topic.orders, np.int64)
+    return Series(stamps[usable], values[usable], orders[usable], is_void)
 
 
 def joint_states(
@@ -195,21 +205,22 @@ def joint_states(
 
 def commands(kind: CommandKind) -> MessageFormat:
     """Return the format of commands, one number per joint; without a label, log time is used."""
-    message = LabelledCdr(kind)
+    message, joints = LabelledCdr(kind), len(kind.joints)
 
     def layout(raw: bytes) -> Layout | None:
         return kind.layout_of(raw)
 
     def bulk(messages: Messages) -> tuple[Stamps, Array, NDArray[np.bool_]]:
         stamps, has_digits = _label_stamps(messages['layout_dim_0_label'])
-        return stamps, messages['data'], has_digits
+        is_void = messages['layout_data_offset'] == joints
+        return stamps, np.column_stack([messages['data'], is_void]), has_digits
 
     def single(received: deserialised.Float64MultiArray, log_time: int) -> tuple[int, Array]:
         message.load_message(received)
         stamp = log_time if message.stamp_ns is None else message.stamp_ns
-        return stamp, message.data
+        return stamp, np.append(message.data, message.is_void)
 
-    return MessageFormat(len(kind.joints), layout, bulk, single)
+    return MessageFormat(joints + 1, layout, bulk, single, marks_void=True)
 
 
 def _label_stamps(characters: NDArray[np.uint8]) -> tuple[Stamps, NDArray[np.bool_]]:

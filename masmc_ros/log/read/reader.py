@@ -71,7 +71,8 @@ class Run:
         (N, joints) torques applied over the interval that ends with the state, N·m.
     torque
         (M, joints) commanded torques in N·m, at the stamps of the answered states; M = 0 if
-        velocities were commanded. Those of a base that follows velocities are zero.
+        velocities were commanded. Those of a base that follows velocities, and of void commands,
+        are zero.
     cmd_vel
         (P, twist) commanded velocities of the base in m/s and rad/s, at the stamps of the
         answered states if these are known, else at log times; P = 0 if torques were commanded.
@@ -389,4 +390,5 @@ def _last_pass(series: decode.Series | None, width: int) -> decode.Series:
     if series is None:
         return decode.Series(np.zeros(0, np.int64), np.zeros((0, width)))
     kept = last_pass(series.stamps)
-    return decode.Series(series.stamps[kept], series.values[kept])
+    is_void = None if series.is_void is None else series.is_void[kept]
+    return decode.Series(series.stamps[kept], series.values[kept], is_void=is_void)
