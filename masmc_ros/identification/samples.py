@@ -155,6 +155,12 @@ def samples_of(run: Run) -> Samples:
             f'{run.path}: commands of velocities; expected commanded torques '
             '(command_interface: effort), from which masses and friction can be computed'
         )
+    if run.is_hybrid:
+        raise InputError(
+            f'{run.path}: commanded velocities of the base (command_interface: hybrid); expected '
+            'commanded torques of all joints (command_interface: effort), from which masses and '
+            'friction can be computed'
+        )
     if not len(run.torque):
         raise InputError(
             f'{run.path}: no commanded torques in it; expected effort_commands, recorded with '

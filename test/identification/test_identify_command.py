@@ -56,6 +56,14 @@ def test_samples_run_without_torques_rejected(logged: Run) -> None:
         samples_of(rates)
 
 
+def test_samples_run_with_hybrid_commands_rejected(logged: Run) -> None:
+    controller = {**logged.parameters['controller'], 'command_interface': 'hybrid'}
+    hybrid = replace(logged, parameters={**logged.parameters, 'controller': controller})
+    reason = r'command_interface: hybrid\); expected commanded torques of all joints'
+    with pytest.raises(InputError, match=reason):
+        samples_of(hybrid)
+
+
 def test_samples_short_run_rejected(logged: Run) -> None:
     commands = Series(logged.torque.stamps[:900], logged.torque.values[:900])
     with pytest.raises(InputError, match=r'0\.899 s of states with commands; expected at least 5'):

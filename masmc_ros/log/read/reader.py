@@ -15,6 +15,7 @@ from masmc_ros.aliases import Array
 from masmc_ros.control.stamp_order import in_time, state_timeout
 from masmc_ros.errors import InputError
 from masmc_ros.jit.field import ONE
+from masmc_ros.law.command_interface import COMMAND_INTERFACE, COMMAND_INTERFACES, HYBRID
 from masmc_ros.log.bag import METADATA_FILE
 from masmc_ros.log.read import decode
 from masmc_ros.log.read.commanded_rates import twists
@@ -29,7 +30,7 @@ from masmc_ros.messages.parameter_record import ParameterRecord
 from masmc_ros.messages.string_message import text_of
 from masmc_ros.messages.telemetry import telemetry_count
 from masmc_ros.messages.topics import FLOAT_ARRAY, ODOMETRY, TOPICS, TWIST, TWIST_STAMPED
-from masmc_ros.params.declaration import MutableValues
+from masmc_ros.params.declaration import MutableValues, Values
 from masmc_ros.robot.declaration import Mechanism, Quantity, URDF
 from masmc_ros.robot.joint_names import (
     joint_names_of,
@@ -135,6 +136,11 @@ class Run:
         return not len(self.torque) and bool(len(self.cmd_vel) or len(self.arm_rates))
 
     @property
+    def is_hybrid(self) -> bool:
+        """Return True if velocities of the base and torques of the arm were commanded."""
+        return _is_hybrid(self.parameters)
+
+    @property
     def contact_names(self) -> tuple[str, ...]:
         """Return the joints of the bodies in contact, or numbers if these have no joints."""
         count = 0 if self.contact is None else self.contact.values.shape[1] // len(CONTACT)
@@ -220,7 +226,7 @@ def _run(path: Path, contents: LogContents) -> Run:
     _insert_description(history.start, contents, namespace)
     position, velocity, effort = np.hsplit(states.values, 3)
     driven, rated = EFFORT.named(names[base:]), ARM_VELOCITY.named(names[base + twist_size:])
-    is_hybrid = start.get('controller', {}).get('command_interface') == 'hybrid'
+    is_hybrid = _is_hybrid(start)
     by_torque = EFFORT.named(names[base + twist_size:]) if is_hybrid else driven
     efforts = series(message_names.COMMAND_TOPIC, decode.commands(by_torque))
     if efforts is not None and is_hybrid:
@@ -262,6 +268,11 @@ def _run(path: Path, contents: LogContents) -> Run:
         elsewhere=tuple(_elsewhere(contents, namespace, *_TYPES)),
         contact=_contact(_topic(contents, namespace + message_names.CONTACT_TOPIC, FLOAT_ARRAY)),
     )
+
+
+def _is_hybrid(parameters: Mapping[str, Values]) -> bool:
+    interface = parameters.get('controller', {}).get(COMMAND_INTERFACE.name)
+    return interface == COMMAND_INTERFACES[HYBRID]
 
 
 def _contact(topic: Topic | None) -> decode.Series | None:
