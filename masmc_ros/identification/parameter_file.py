@@ -9,7 +9,9 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from masmc_ros.identification.identify import Identified, Nominal
+from masmc_ros.identification.latency_fit import LatencyFit
 from masmc_ros.identification.nominal import consistent_values
+from masmc_ros.law.parts.delay_fields import LONGEST
 from masmc_ros.output_files import write_file
 from masmc_ros.params.declaration import Values
 from masmc_ros.params.node_parameters import declared
@@ -26,6 +28,8 @@ def write_identified(
 ) -> list[Path]:
     """
     Write the parameters of a controller that assumes the identified robot.
+
+    Latency and motor lag beyond the range of the controller are comments only.
 
     Parameters
     ----------
@@ -52,16 +56,34 @@ def write_identified(
         values[URDF] = str(description)
         files.append(description)
     timing = {'latency': identified.timing.latency, 'motor_lag': identified.timing.lag}
-    known = {parameter.name for parameter in declared('controller', mechanism_from(values))}
-    values |= {name: timing[name].value for name in timing.keys() & known}
+    reason = unwritten_timing(identified.timing)
+    if not reason:
+        known = {parameter.name for parameter in declared('controller', mechanism_from(values))}
+        values |= {name: timing[name].value for name in timing.keys() & known}
     # The task is that of the exciting motion: the file follows one with the path and its task.
     values.pop('robot.task', None)
     comments = [f'Robot identified by masmc identify from {source}.'] + [
         f'{name}: {1e3 * estimate.value:.3f} ms, standard error {1e3 * estimate.error:.2g} ms'
         for name, estimate in timing.items()
     ]
+    comments += [reason] * bool(reason)
     write_parameters(path, {'controller': values}, comments)
     return files
+
+
+def unwritten_timing(timing: LatencyFit) -> str:
+    """
+    Return why latency and motor lag are not written, '' if they are.
+
+    Each of them is right only with the other, so both are written or none.
+    """
+    if max(timing.latency.value, timing.lag.value) <= LONGEST:
+        return ''
+    return (
+        f'latency = {1e3 * timing.latency.value:.3f} ms, motor lag = '
+        f'{1e3 * timing.lag.value:.3f} ms: not written; expected at most {1e3 * LONGEST:g} ms '
+        'each, the range of the controller'
+    )
 
 
 def write_parameters(

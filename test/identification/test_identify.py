@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -29,8 +30,9 @@ from masmc_ros.identification.identify import (
     Nominal,
     relative_error,
 )
+from masmc_ros.identification.latency_fit import Estimate, LatencyFit
 from masmc_ros.identification.nominal import nominal_of, of_its_kind
-from masmc_ros.identification.parameter_file import write_identified
+from masmc_ros.identification.parameter_file import unwritten_timing, write_identified
 from masmc_ros.identification.payload import payload_of
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.mechanisms import DEFAULT as PLANAR
@@ -105,6 +107,41 @@ def test_identify_joint_at_rest_named_as_not_excited() -> None:
     at = result.names.index('arm_joint_2_viscous')
     assert not result.is_excited[at]
     assert result.values[at] == pytest.approx(0.0, abs=1.0e-6)
+
+
+@pytest.fixture(scope='module')
+def late() -> tuple[Nominal, Identified]:
+    """Return the planar robot and its identification with a latency of 150 ms."""
+    robot = planar()
+    true = np.concatenate([robot.theta, FRICTION])
+    motion = series(FOUR, 5, 10.0, np.array([2.0, 2.0, 0.5, 0.5]))
+    nominal = Nominal(robot, robot.theta, FRICTION)
+    return nominal, identify(nominal, measured(robot, computed(robot, true, motion, latency=75)))
+
+
+def test_identify_latency_beyond_range_not_written(late: tuple[Nominal, Identified]) -> None:
+    timing = late[1].timing
+    assert timing.total.value == pytest.approx(75.0 * PERIOD, abs=2.0e-4)
+    assert 'not written; expected at most 100 ms each' in unwritten_timing(timing)
+
+
+@pytest.mark.parametrize(
+    ('latency', 'lag', 'is_written'),
+    [(0.1, 0.1, True), (0.0184, 0.1316, False), (0.1001, 0.0, False)],
+)
+def test_identified_file_always_accepted_by_controller(
+    late: tuple[Nominal, Identified], latency: float, lag: float, is_written: bool, tmp_path: Path
+) -> None:
+    nominal, result = late
+    timing = LatencyFit(*(Estimate(value, 1.0e-4) for value in (latency, lag, latency + lag)))
+    file = tmp_path / 'identified.yaml'
+    write_identified(file, nominal, replace(result, timing=timing), 'run.mcap')
+    written = load_scenario(str(file))['controller']
+    expected = (latency, lag) if is_written else (0.0, 0.0)
+    assert (written['latency'], written['motor_lag']) == expected
+    reason = unwritten_timing(timing)
+    assert bool(reason) != is_written
+    assert reason in file.read_text()
 
 
 def test_payload_planar_mass_and_place_found() -> None:

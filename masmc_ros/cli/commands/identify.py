@@ -53,7 +53,7 @@ def run(options: argparse.Namespace) -> int:
     from masmc_ros.identification.directions import base_parameters, unexcited
     from masmc_ros.identification.identify import identify, measured, relative_error
     from masmc_ros.identification.nominal import nominal_of, nominal_of_run
-    from masmc_ros.identification.parameter_file import write_identified
+    from masmc_ros.identification.parameter_file import unwritten_timing, write_identified
     from masmc_ros.identification.payload import payload_of
     from masmc_ros.identification.samples import samples_of
     from masmc_ros.params.scenario import load_scenario
@@ -82,6 +82,9 @@ def run(options: argparse.Namespace) -> int:
         ('latency', 'motor lag', 'sum of both'), timing, strict=True
     ):
         print(f'{name}: {1e3 * estimate.value:.3f} ± {1e3 * estimate.error:.2g} ms')
+    reason = unwritten_timing(timing)
+    if reason:
+        print(fill(reason, WIDTH, subsequent_indent='  '))
     base = base_parameters(nominal.robot, result.scale)
     weak = unexcited(result, base)
     count = len(result.values)
