@@ -12,7 +12,8 @@ The measured torques differ from those of the nominal robot. This difference is 
 - the difference of each joint's friction from its nominal friction, and
 - a small error of the latency.
 
-A block of one second contributes sums of products only, and the estimate uses the latest blocks.
+A block of 1 s (100 periods if that is longer) contributes sums of products only, and the estimate
+uses the latest blocks.
 The cost is therefore constant, and the estimate follows a change of the load.
 
 Shapes: n joints with commanded torques, W windows, c columns, K blocks.
@@ -41,6 +42,9 @@ from numpy.typing import NDArray
 
 BLOCK = 1.0
 """Shortest length of a block in s."""
+
+_BLOCK_PERIODS = 100
+"""Shortest length of a block in control periods."""
 
 _SPACING = 0.01
 """Shortest interval in s between two states that are used; all torques are used."""
@@ -136,7 +140,7 @@ class BlockBuffer:
 
     def __init__(self, positions: int, joints: int, period: float) -> None:
         """Initialise an empty buffer for a control period in s."""
-        count = round(max(BLOCK, 10.0 * _HALF_PERIODS * period) / period) + 1
+        count = max(round(BLOCK / period), _BLOCK_PERIODS) + 1
         self._buffer = StateBuffer(count, (positions, joints, joints), period)
 
     def add(self, stamp: int, position: Array, rates: Array, torque: Array) -> Block | None:
@@ -180,7 +184,7 @@ class PayloadEstimator:
         has_torque
             (joints) True for joints with a commanded torque.
         span
-            Time in s whose blocks are used.
+            Time in s whose blocks are used, at least three blocks.
 
         Raises
         ------
@@ -192,7 +196,8 @@ class PayloadEstimator:
         self._has_torque = has_torque
         self._factors = robot.payload_factors * EXPECTED_MOMENTS
         self._tip = robot.tip_on_link
-        self._blocks: deque[_Products] = deque(maxlen=max(_FEWEST_BLOCKS, round(span / BLOCK)))
+        self._blocks: deque[_Products] = deque()
+        self._span = span
         sizes = robot.mechanism.sizes
         times, joints = np.linspace(0.0, BLOCK, 101), np.zeros((101, sizes['joints']))
         self.add(Block(times, np.zeros((101, sizes['positions'])), joints, joints), 0.0)
@@ -247,6 +252,9 @@ class PayloadEstimator:
         single = np.stack([acting - later, *friction, missing, acting], axis=2)
         rows = np.concatenate([of_load, single], axis=2)[:, self._has_torque]
         self._blocks.append(_Products(np.einsum('wja,wjb->jab', rows, rows), len(rows)))
+        count = max(_FEWEST_BLOCKS, round(self._span / block.times[-1]))
+        while len(self._blocks) > count:
+            self._blocks.popleft()
 
     def estimate(self) -> PayloadEstimate | None:
         """Return the payload, and discard blocks of another load; None with too few blocks."""
@@ -286,7 +294,10 @@ def described(
 
     """
     if estimate is None:
-        return f'not known yet; expected {_FEWEST_BLOCKS} s of control'
+        return (
+            f'not known yet; expected {_FEWEST_BLOCKS * BLOCK:g} s of control, '
+            f'{_FEWEST_BLOCKS * _BLOCK_PERIODS} periods if that is longer'
+        )
     load, centre = estimate.load, estimate.centre
     mass = f'{round(load.mass, 3) + 0.0:.3f} ± {load.mass_error:.3f} kg'
     margin = load.margin(_LIGHTEST)

@@ -14,6 +14,7 @@ from helpers.small_tree import START
 from masmc_ros.aliases import Array
 from masmc_ros.identification.latency_fit import Estimate
 from masmc_ros.identification.live_payload import (
+    Block,
     BlockBuffer,
     described,
     PayloadEstimate,
@@ -175,6 +176,36 @@ def test_block_buffer_gap_starts_new_block() -> None:
     assert buffer.add(5, one, one, one) is None
 
 
+@pytest.mark.parametrize(('step', 'seconds', 'used'), [(5, 1.0, 10), (10, 2.0, 5), (20, 4.0, 3)])
+def test_estimation_time_with_long_periods_in_real_time(
+    step: int, seconds: float, used: int
+) -> None:
+    """Blocks of 10, 20 and 40 ms per state, and an estimation time of 10 s."""
+    samples = motion(planar(), 0.8, duration=seconds * 1.02 * (used + 2))
+    states = slice(None, None, step)
+    arrays = (samples.position, samples.velocity, samples.commands)
+    position, velocity, torque = (array[states] for array in arrays)
+    joints = torque.shape[1]
+    buffer = BlockBuffer(position.shape[1], joints, step * PERIOD)
+    blocks: list[Block] = []
+    for k, time in enumerate(samples.times[states]):
+        block = buffer.add(1 + round(1e9 * time), position[k], velocity[k], torque[k])
+        blocks += [] if block is None else [block]
+    assert len(blocks) == used + 2
+    assert blocks[0].times[-1] == pytest.approx(seconds)
+    results = []
+    for added in (blocks, blocks[-used:]):
+        estimator = PayloadEstimator(
+            planar(), planar().theta, np.zeros(2 * joints), np.ones(joints, np.bool_), 10.0
+        )
+        for block in added:
+            estimator.add(block, 0.0)
+        results.append(estimator.estimate())
+    assert results[0] is not None
+    assert results[1] is not None
+    assert results[0].load.mass == results[1].load.mass
+
+
 def estimate(mass: float, explained: float, error: float = 0.05) -> PayloadEstimate:
     centre_error = np.array([0.01, 0.002, 0.5])
     load = Load(mass, error, np.array([0.1, -0.0001, 0.9]), centre_error)
@@ -184,7 +215,7 @@ def estimate(mass: float, explained: float, error: float = 0.05) -> PayloadEstim
 @pytest.mark.parametrize(
     ('value', 'announced', 'text'),
     [
-        (None, 0.0, 'not known yet'),
+        (None, 0.0, 'not known yet; expected 3 s of control, 300 periods if that is longer'),
         (estimate(0.01, 0.1), 0.0, 'none: 0.010 ± 0.050 kg'),
         (estimate(0.01, 0.1), 2.0, 'ros2 param set /controller payload.mass 0.0'),
         (estimate(2.0, 0.4), 0.0, 'not determined: 2.000 ± 0.050 kg would explain 40 %'),
