@@ -50,8 +50,8 @@ _SHARE = 0.8
 _CANDIDATES = 80
 """Number of evaluated series; the second half are variations of the best one."""
 
-_INSTANTS = 100
-"""Number of states at which a series is evaluated."""
+_STEPS = (0.14, 0.02)
+"""Steps in s between evaluated states: of all series, and of those that may be the best one."""
 
 _SHRINKINGS = 60
 """Largest number of reductions of a series to bring its torques within their limits."""
@@ -117,6 +117,15 @@ class Series:
             ramp * rate + slope * position,
             ramp * acceleration + 2.0 * slope * rate + bend * position,
         )
+
+    def instants(self, step: float) -> Array:
+        """Return times in s, at most a step apart, with both ramps and a period between them."""
+        last = self.duration - _RAMP
+        sections = (0.0, min(_RAMP + PERIOD, last)), (last, self.duration)
+        return np.concatenate([
+            np.linspace(start, end, int(np.ceil((end - start) / step)) + 1)
+            for start, end in sections
+        ])
 
     def times_factors(self, factors: Array | float) -> Series:
         """Return the series with amplitudes multiplied by a factor, or by factors (n)."""
@@ -194,7 +203,7 @@ def exciting_series(
             size = np.abs(best.sines).max(axis=1, keepdims=True)
             sines, cosines = best.sines + 0.3 * size * sines, best.cosines + 0.3 * size * cosines
         drawn = Series(start, sines, cosines, duration)
-        series, condition = _evaluated(nominal, drawn, limits, scale, base)
+        series, condition = _evaluated(nominal, drawn, limits, scale, base, least)
         if condition < least:
             best, least = series, condition
     if best is None:
@@ -206,37 +215,45 @@ def exciting_series(
 
 
 def _evaluated(
-    nominal: Nominal, series: Series, limits: Limits, scale: Scale, base: Array
+    nominal: Nominal, series: Series, limits: Limits, scale: Scale, base: Array, least: float
 ) -> tuple[Series, float]:
-    """Return a series within limits and its condition number; infinite if there is none."""
-    # Dense: between two instants no position exceeds its limit by much.
-    fine = np.linspace(0.0, series.duration, 10 * _INSTANTS)
-    position, rate, _ = series.at(fine)
+    """
+    Return a series within limits and its condition number; infinite if there is none.
+
+    If the condition number is not below `least`, torques are not evaluated at fine steps.
+    """
+    position, rate, _ = series.at(series.instants(_STEPS[-1]))
     used = np.maximum(
         np.abs(position - series.start).max(axis=0) / limits.deviation,
         np.abs(rate).max(axis=0) / limits.speed,
     )
     series = series.times_factors(1.0 / used)
-    times = np.linspace(0.0, series.duration, _INSTANTS)
     parameters = np.concatenate([nominal.theta, nominal.friction])
     at_rest = Series(series.start, 0.0 * series.sines, 0.0 * series.cosines, series.duration)
-    holding = _torques(nominal, at_rest, times[:1], parameters)[1]
+    holding = _torques(nominal, at_rest, np.zeros(1), parameters)[1]
     if (np.abs(holding) > limits.torque).any():
         return series, np.inf
-    for _ in range(_SHRINKINGS):
-        matrix, torque = _torques(nominal, series, times, parameters)
-        excess = np.abs(torque).max(axis=0) / limits.torque
-        if (excess <= 1.0).all():
+    condition = np.inf
+    for step in _STEPS:
+        times = series.instants(step)
+        for _ in range(_SHRINKINGS):
+            matrix, torque = _torques(nominal, series, times, parameters)
+            excess = np.abs(torque).max(axis=0) / limits.torque
+            if (excess <= 1.0).all():
+                break
+            # Reduce joints above their limits more than the others, which also affect their
+            # torques.
+            series = series.times_factors(np.where(excess > 1.0, 0.85, 0.97))
+        else:
+            return series, np.inf
+        matrix = matrix / np.sqrt(np.mean(torque**2, axis=0) + 1.0e-12)[:, None]
+        values = np.linalg.svd(
+            matrix.reshape(-1, matrix.shape[2]) @ scale.scale @ base, compute_uv=False
+        )
+        condition = float(values[0] / max(values[-1], 1.0e-300))
+        if condition >= least:
             break
-        # Reduce joints above their limits more than the others, which also affect their torques.
-        series = series.times_factors(np.where(excess > 1.0, 0.85, 0.97))
-    else:
-        return series, np.inf
-    matrix = matrix / np.sqrt(np.mean(torque**2, axis=0) + 1.0e-12)[:, None]
-    values = np.linalg.svd(
-        matrix.reshape(-1, matrix.shape[2]) @ scale.scale @ base, compute_uv=False
-    )
-    return series, float(values[0] / max(values[-1], 1.0e-300))
+    return series, condition
 
 
 def _torques(
