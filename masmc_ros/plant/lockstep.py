@@ -24,7 +24,7 @@ class LockStep(PlantCore):
     def on_command(
         self, part: CommandPart, numbers: Array | None, answered: int | None, now: float
     ) -> Actions:
-        """Apply a command to the last state, or one that names no state."""
+        """Apply a command to the last state, or a part of one that names no state (Twist)."""
         if not self.has_started or (answered != self.stamp and part.names_state):
             self.dropped += 1
             return NOTHING
@@ -56,9 +56,15 @@ class LockStep(PlantCore):
         super().on_recorded(stamp, now)
         return self._continued(now)
 
+    def on_reset(self, now: float) -> Actions:
+        """Reset the robot; single steps without a command until now are dropped."""
+        self._single_steps = 0
+        return super().on_reset(now)
+
     def on_pause(self, now: float, *, is_paused: bool) -> Actions:
         """Pause, or continue with the available command."""
         super().on_pause(now, is_paused=is_paused)
+        self._single_steps = 0
         return self._continued(now)
 
     def on_step(self, now: float) -> Actions:

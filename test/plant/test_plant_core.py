@@ -94,7 +94,8 @@ def test_lockstep_random_events_one_state_per_command(events: list[str]) -> None
             actions = command(core, stamp=core.stamp + (-1 if event == 'old' else 1))
             dropped += 1
         elif event in ('pause', 'run'):
-            is_paused = event == 'pause'
+            # A step that still waits for its command is dropped, here and by a reset.
+            is_paused, steps = event == 'pause', 0
             actions = core.on_pause(0.0, is_paused=is_paused)
         elif event == 'step':
             assert bool(core.step_refusal()) != is_paused
@@ -103,7 +104,7 @@ def test_lockstep_random_events_one_state_per_command(events: list[str]) -> None
                 steps += 1
                 actions = core.on_step(0.0)
         elif event == 'reset':
-            actions, has_command = core.on_reset(0.0), False
+            actions, has_command, steps = core.on_reset(0.0), False, 0
             assert (published(actions), core.robot.tick, core.stamp) == (1, 0, 0)
             continue
         else:
