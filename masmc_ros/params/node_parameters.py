@@ -95,7 +95,7 @@ def _is_part(value: float) -> bool:
 _PART_TEXT = f'0, or a number in [{_LEAST_PART:g}, {_MOST:g}]'
 
 _SHORTEST_WINDOW = 0.001
-"""Shortest window in s: a horizon of 10 s then needs 10 000 windows."""
+"""Shortest window and horizon in s."""
 
 _TRAJECTORY_NODE = (
     Parameter(

@@ -32,6 +32,9 @@ from std_msgs.msg import Float64MultiArray, String
 _CHECKED_AHEAD = 60.0
 """Length of an endless path in s that is checked at the start."""
 
+_MOST_AHEAD = 500
+"""Largest number of windows ahead; a controller stores 1000."""
+
 _MAX_CHECKED = 2_000_000
 """Largest number of ticks that are checked at the start; later ones are checked when sent."""
 
@@ -52,6 +55,12 @@ class TrajectoryNode(SuiteNode):
         self._path = DesiredPath(self._timing, robot, prefix)
         self._window = max(2, round(self.values['window'] / period))
         self._horizon = max(self._window, round(self.values['horizon'] / period))
+        if self._horizon > _MOST_AHEAD * self._window:
+            raise InputError(
+                f'horizon = {self.values["horizon"]:g}, window = {self.values["window"]:g}: '
+                f'{self._horizon // self._window} windows ahead; expected at most {_MOST_AHEAD}, '
+                'with a longer window or a shorter horizon'
+            )
         ticks_ahead = max(self._horizon + self._window, self._timing.last or 0)
         self._ahead_ns = self._timing.stamp(ticks_ahead)
         self._next = 0
@@ -129,7 +138,7 @@ class TrajectoryNode(SuiteNode):
             self._set_origin(stamp)
             tick = self._next = 0
         self._was_before = False
-        if tick + self._horizon + self._window < self._next:
+        if max(tick, 0) + self._horizon + self._window < self._next:
             self.log.info('the robot was set back; the reference follows')
             self._next = max(0, tick)
         elif tick > self._next:
