@@ -17,9 +17,10 @@ from helpers.processes import PAPER, Peer, peer, Processes, processes, ros_argum
 from masmc_ros.cli.main import main
 from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.joint_state import JointStateCdr
+from masmc_ros.messages.parameter_record import read_record
 from masmc_ros.messages.stamps import header_stamp
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray
+from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import SetBool, Trigger
 
 PERIOD = 1_000_000
@@ -280,3 +281,18 @@ def test_plant_real_time_command_timeout_ends_torque(tmp_path: Path) -> None:
         plant.tester.until(lambda: applied() == [0.5, 0.25, 1.0, -1.0], 'torque')
         plant.tester.until(lambda: applied() == [0.0] * 4, 'no torque')
         assert len([line for line in started.output().splitlines() if 'no command' in line]) == 1
+
+
+def test_plant_changed_parameter_is_published(tmp_path: Path) -> None:
+    """The log of a run contains the change with its tick."""
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        records = tester.collect(String, 'plant/parameters')
+        started.start('plant', *ros_arguments(pacing='realtime', duration=0.0, wait_for='[""]'))
+        stamps = tester.watch_time()
+        tester.until(lambda: stamps[-1] > 0 and records, 'states and parameters')
+        tester.change('plant', real_time_factor=0.5)
+        tester.until(lambda: len(records) > 1, 'a record of the change')
+    first, last = (read_record(record.data) for record in (records[0], records[-1]))
+    assert first.is_start
+    assert last.changes == {'real_time_factor': 0.5}
+    assert last.tick > 0

@@ -13,7 +13,7 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from masmc_ros.aliases import Array
-from masmc_ros.control.actions import Failure, Line, Wait
+from masmc_ros.control.actions import Failure, Line, Record, Wait
 from masmc_ros.errors import InputError
 from masmc_ros.loop.simulated_robot import plant_of
 from masmc_ros.loop.timing import Timing
@@ -27,6 +27,7 @@ from masmc_ros.nodes.process.command_line import CommandLine
 from masmc_ros.nodes.process.diagnostics import Health, publish_health
 from masmc_ros.nodes.process.rejected_messages import RejectedMessages
 from masmc_ros.nodes.process.runtime import run
+from masmc_ros.params.declaration import Values
 from masmc_ros.plant.latest_command import CommandPart, Commands
 from masmc_ros.plant.lockstep import LockStep
 from masmc_ros.plant.plant_core import (
@@ -101,7 +102,7 @@ class PlantNode(SuiteNode):
             self.steady,
             self._report_health,
         )
-        self.parameters.on_change(lambda _: self._on_parameters())
+        self.parameters.on_change(self._on_parameters)
 
     # Start.
 
@@ -162,8 +163,13 @@ class PlantNode(SuiteNode):
         while core.is_due:
             self._perform(core.on_due(now))
 
-    def _on_parameters(self) -> None:
-        self._perform(self._core.on_parameters(time.monotonic()))
+    def _on_parameters(self, changed: Values) -> None:
+        core = self._core
+        self._perform(core.on_parameters(time.monotonic()))
+        record = Record(0, 0, self.values)
+        if core.has_started:
+            record = Record(core.robot.tick, core.stamp, self.values, tuple(changed))
+        self.record_parameters(record)
         if self._timer is not None:
             self._start_timer()
 
