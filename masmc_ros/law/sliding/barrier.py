@@ -78,7 +78,9 @@ def surface_rate(
     """Return nu = (s+ - s) / T of one axis in m/s2."""
     size = abs(s)
     half = 0.5 * (width + period * gain + size)
-    held = width * size / (half + math.sqrt(half * half - width * size))
+    # By rounding it is negative next to the end of the barrier with a gain of 0.
+    radicand = half * half - width * size
+    held = width * size / (half + math.sqrt(radicand if radicand > 0.0 else 0.0))
     left = size - period * (start + growth)
     reached = left if left > 0.0 else 0.0
     return sign(s) * ((held if inside > 0.0 else reached) - size) / period

@@ -127,3 +127,9 @@ def test_barrier_disturbance_beyond_bound_is_left() -> None:
 @pytest.mark.slow
 def test_barrier_tracks_path() -> None:
     assert np.linalg.norm(run(LAW, duration=10.0).settled) < 0.02
+
+
+def test_barrier_end_without_gain_finite() -> None:
+    """The radicand is zero at s = eps; rounding next to it must not make it negative."""
+    for s in 0.02 + 1e-9 * np.linspace(-1.0, 1.0, 5001):
+        assert math.isfinite(surface_rate(s, 1.0, 10.0, 1.0, WIDTH, 0.0, 0.001))
