@@ -190,10 +190,11 @@ class Controller:
         Apply checked values of some parameters from the next tick onwards.
 
         theta_hat persists, within the bounds of an active projection; a change of the payload is
-        added to it. The disturbance estimate restarts at zero if it is enabled or disabled, or if
-        the implicit law becomes active.
+        added to it. The disturbance estimate restarts at zero if it is enabled or disabled, if
+        the implicit law becomes active, or if a law in plain Python starts or ends.
         """
         before, law, was_compensated = self.values, self._law, self.is_compensated
+        was_plain = self._plug_in is not None
         changed = {**before, **values}
         chooses = any(changed[name] != before[name] for name in ('law', 'switching'))
         if chooses or records.is_compensated(changed) != was_compensated:
@@ -205,6 +206,11 @@ class Controller:
             self._law.uses_switching
         )
         switched |= self.is_compensated != was_compensated
+        if (self._plug_in is not None) != was_plain:
+            # Plain Python does not continue predictions and the disturbance estimate.
+            switched = True
+            self._void()
+            self.memory['disturbance_torque'] = 0.0
         if switched or (changed['observer_gain'] == 0.0) != (before['observer_gain'] == 0.0):
             self.memory['disturbance'] = 0.0
             self.memory['predicted'] = np.nan

@@ -141,3 +141,38 @@ def test_law_change_keeps_torque_rate_limit() -> None:
             before = controller.torque.copy()
             assert np.isfinite(before).all()
             robot.advance(before)
+
+
+@pytest.mark.usefixtures('uncompiled')
+def test_law_after_plain_python_starts_without_old_disturbance(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Plain Python continues neither predictions nor the estimate of the implicit law."""
+    settings = ('controller.switching=implicit', 'controller.observer_gain=0.5')
+    values = scenario('smc', *settings)['controller']
+
+    class Still:
+        parameters = ()
+
+        def step(self, tick: Any) -> Any:
+            return np.zeros(4), tick.estimate
+
+    load = registry.load_for
+    monkeypatch.setattr(
+        registry, 'load_for', lambda name, kind: Still if name == 'still' else load(name, kind)
+    )
+    run = next(Simulation(scenario('smc', 'duration=0.2', *settings)).run())
+    controller = Controller(robot_of(values), 1e-3, values)
+    fresh = Controller(robot_of(values), 1e-3, values)
+
+    def tick(law: Controller, k: int) -> Any:
+        law.tick(run.position[k], run.velocity[k], run.reference[k])
+        return law.torque.copy()
+
+    for k in range(20):
+        tick(controller, k)
+    controller.change({'law': 'still'})
+    tick(controller, 20)
+    controller.change({'law': 'smc'})
+    np.testing.assert_allclose(tick(controller, 190), tick(fresh, 190), rtol=1e-9)
+    assert not controller.memory['disturbance_torque'].any()
