@@ -230,7 +230,7 @@ def prepare(mechanism: Mechanism) -> subprocess.Popen[bytes] | None:
     if is_interpreted():
         return None
     if mark(mechanism).exists():
-        load(mechanism, laws_loaded_at_start())
+        load(mechanism, (law for law in laws_loaded_at_start() if law.fits(mechanism)))
         return None
     return _started(mechanism, None)
 
@@ -508,6 +508,8 @@ class _Making(Thread):
         if said:
             return said
         if not self.code.is_whole_on_disk:
+            if status == 0:
+                return 'the compiled code cannot be stored (XDG_CACHE_HOME)'
             return f'the process that compiles has ended with status {status}'
         return None
 

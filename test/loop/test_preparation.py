@@ -38,6 +38,21 @@ def test_preparation_loaded_live_change_compiles_nothing() -> None:
     assert (len(control_tick.signatures), len(post_update.signatures)) == compiled
 
 
+def test_preparation_loads_only_laws_that_fit(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An installed law for smaller robots does not stop a controller of another law."""
+    small = replace(SMC, name='small', most_parameters=3)
+    monkeypatch.setattr(preparation, 'laws', lambda: (small,))
+    monkeypatch.setattr(preparation, 'mark', lambda mechanism: tmp_path)
+    loaded: list[str] = []
+    monkeypatch.setattr(
+        preparation, 'load', lambda mechanism, which: loaded.extend(law.name for law in which)
+    )
+    assert preparation.prepare(TWO_LINK) is None
+    assert loaded == []
+
+
 def test_preparation_law_source_changed_is_repeated(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
