@@ -12,6 +12,9 @@ from masmc_ros.params.scalar import Scalar, typed
 
 FORM = 'NAME=LOW:HIGH:COUNT, NAME=LOW:HIGH:COUNT:log, or NAME=VALUE,VALUE,...'
 
+_MOST = 1_000_000
+"""Largest number of values of a range."""
+
 
 class Axis(NamedTuple):
     """Parameter with the values that it takes, in their order."""
@@ -42,6 +45,8 @@ def _range(place: str, parts: list[str]) -> tuple[float, ...]:
     start, end, count = float(numbers[0]), float(numbers[1]), numbers[2]
     if not start < end or count < 2:
         raise InputError(f'{place}: empty range; expected LOW < HIGH and COUNT >= 2')
+    if count > _MOST:
+        raise InputError(f'{place}: {count} values; expected at most {_MOST}')
     if is_log and start <= 0.0:
         raise InputError(f'{place}: expected LOW > 0 for a logarithmic range')
     parts_of_range = [k / (count - 1) for k in range(1, count - 1)]

@@ -38,6 +38,7 @@ def test_list_keeps_types_of_values() -> None:
     [
         ('a', 'expected NAME=LOW:HIGH:COUNT'),
         ('a=1:2', 'expected NAME=LOW:HIGH:COUNT'),
+        ('a=1:2:1000000000000', '1000000000000 values; expected at most 1000000'),
         ('a=1:2:3:lin', 'expected NAME=LOW:HIGH:COUNT'),
         ('a=1:x:3', 'expected NAME=LOW:HIGH:COUNT'),
         ('a=1:2:3.5', 'expected NAME=LOW:HIGH:COUNT'),
