@@ -14,7 +14,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
+from functools import cache
 import hashlib
+import logging
 import os
 from pathlib import Path
 import pickle
@@ -69,7 +71,17 @@ class CodeFiles:
         return data if sources == self._sources(key) and signature == key else None
 
     def save(self, key: Key, data: object) -> None:
-        """Save data under a key, and delete the oldest files of other sources."""
+        """
+        Save data under a key, and delete the oldest files of other sources.
+
+        If the folder cannot take a file, the code in memory is used, and a line says so once.
+        """
+        try:
+            self._save(key, data)
+        except OSError as error:
+            _report(str(self._folder), error.strerror or str(error))
+
+    def _save(self, key: Key, data: object) -> None:
         content = dumps((self._sources(key), key, data))
         # A concurrent reader gets the previous file or this one, both complete.
         descriptor, temporary = tempfile.mkstemp(dir=self._folder, prefix=f'{self._name}.tmp.')
@@ -97,6 +109,13 @@ class CodeFiles:
     def path(self, key: Key) -> Path:
         """Return the path of the file of a key."""
         return self._folder / f'{self._signature(key)}.{self._sources(key)}.nbc'
+
+
+@cache
+def _report(folder: str, reason: str) -> None:
+    logging.getLogger(__name__).warning(
+        'compiled code is not stored in %s: %s; it is compiled again next time', folder, reason
+    )
 
 
 def _time(path: Path) -> int:

@@ -151,10 +151,13 @@ def _file_of(name: str, importing: str) -> str:
         return '' if is_known or not path.is_file() else str(path)
     if importing.startswith(_OWN):
         return ''
-    file = getattr(sys.modules.get(name), '__file__', None) or ''
+    module = sys.modules.get(name)
+    file = getattr(module, '__file__', None) or ''
     is_neighbour = os.path.dirname(file) == os.path.dirname(importing)
     is_own = is_neighbour or first in Path(importing).parts or not file.startswith(_LIBRARIES)
-    return file if is_own and file.endswith('.py') else ''
+    names = getattr(module, '__dict__', {})
+    has_formulas = any(hasattr(value, 'py_func') for value in names.values())
+    return file if (is_own or has_formulas) and file.endswith('.py') else ''
 
 
 def files_of_types(kinds: Types) -> set[str]:

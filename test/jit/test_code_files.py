@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import errno
 from functools import partial
 import os
 from pathlib import Path
@@ -103,4 +104,19 @@ def test_code_files_damaged_file_returns_none(tmp_path: Path, length: int) -> No
     files.save('key', 'whole')
     assert files.load('key') == 'whole'
     files.flush()
+    assert not list(tmp_path.iterdir())
+
+
+def test_code_files_full_disk_says_so_once_and_continues(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, 'replace', fail)
+    files = CodeFiles(str(tmp_path), 'total', lambda key: 'sources')
+    files.save('a', 'code')
+    files.save('b', 'code')
+    line, = caplog.messages
+    assert line.startswith(f'compiled code is not stored in {tmp_path}: No space left on device')
     assert not list(tmp_path.iterdir())

@@ -12,6 +12,8 @@ from pathlib import Path
 import shutil
 import subprocess
 import sys
+import sysconfig
+from types import SimpleNamespace
 
 from helpers.child_environment import child_environment
 from helpers.small_tree import parameters
@@ -19,6 +21,7 @@ from masmc_ros.jit import sources
 from masmc_ros.jit.sized_records import type_of
 from masmc_ros.law.registry import LAWS
 from masmc_ros.loop.preparation import code_of_law
+from masmc_ros.numerics.scalars import minus
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.tree.tree_mechanism import tree_mechanism
 from masmc_ros.robot.two_link.paper_robot import TWO_LINK
@@ -236,3 +239,16 @@ def test_sources_contain_all_compiled_functions(
     compiled = {file for file in compiled if '/numba/' not in file}
     assert len(compiled) > 10
     assert compiled <= closure
+
+
+def test_library_with_formulas_is_a_source(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Formulas that a user's law imports from another installed package are in its code."""
+    library = Path(sysconfig.get_path('purelib'))
+    modules = {'with_formula': SimpleNamespace(), 'without': SimpleNamespace()}
+    for name, module in modules.items():
+        module.__file__ = str(library / name / '__init__.py')
+        monkeypatch.setitem(sys.modules, name, module)  # type: ignore[arg-type]
+    modules['with_formula'].force = minus
+    law = str(library / 'law.py')
+    assert sources._file_of('with_formula', law) == modules['with_formula'].__file__
+    assert sources._file_of('without', law) == ''
