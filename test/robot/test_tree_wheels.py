@@ -236,3 +236,39 @@ def test_tree_robot_invalid_wheels_raise_one_line(
         car(URDF.replace(old, new), **settings)
     assert expected in str(raised.value)
     assert '\n' not in str(raised.value)
+
+
+def test_wheel_tyre_as_link_of_its_own_has_same_inertia() -> None:
+    """Links that are fixed to a wheel spin with it, wherever their frames are."""
+    tyre = '<inertial><origin xyz="{}" rpy="{}"/><mass value="{}"/>{}</inertial>'
+    inertia = '<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.02"/>'
+    own = tyre.format('0 0 0', '0 0 0', 2.0, inertia)
+    turned = tyre.format('0.1 0 0', '0 -1.5707963267948966 0', 2.0, inertia)
+    links = {
+        'one': f'<link name="w">{own}</link>',
+        'apart': (
+            f'<link name="w"/><link name="tyre">{turned}</link><joint name="seat" type="fixed">'
+            '<parent link="w"/><child link="tyre"/>'
+            '<origin xyz="0 0 0.1" rpy="0 1.5707963267948966 0"/></joint>'
+        ),
+    }
+    spins = []
+    for text in links.values():
+        sides = ''.join(
+            text.replace('"w"', f'"{name}"').replace('tyre', f'{name}_t').replace('seat', f's{y}')
+            + f'<joint name="{name}" type="continuous"><parent link="base"/><child link="{name}"/>'
+            f'<origin xyz="0 {y} 0.08" rpy="-1.5707963267948966 0 0"/><axis xyz="0 0 1"/></joint>'
+            for name, y in (('right', -0.2), ('left', 0.2))
+        )
+        robot = (
+            '<robot name="cart"><link name="base"><inertial><mass value="10"/>'
+            '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>'
+            f'{sides}</robot>'
+        )
+        cart = tree_robot(
+            read_urdf(robot, 'cart'), 'cart', base='differential', wheels=('right', 'left')
+        )
+        assert cart.wheels is not None
+        spins.append(cart.wheels.spin)
+    np.testing.assert_allclose(spins[0], 0.02, rtol=1e-12)
+    np.testing.assert_allclose(spins[1], spins[0], rtol=1e-9)

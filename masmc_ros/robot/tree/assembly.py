@@ -415,9 +415,26 @@ def _mount(
     ):
         if is_wrong:
             raise InputError(f"{where}, line {joint.line}: joint '{name}' {what}: it is no wheel")
-    inertial_parameters = _moments(description.links[joint.child])
-    inertia = _about(axis, inertial_parameters)
+    inertia = _about(axis, _wheel_moments(description, frames, joint.child))
     return Mount(joint, frame.offset, rotate(frame.rotation, axis), inertia)
+
+
+def _wheel_moments(
+    description: Description, frames: Mapping[str, Frame], wheel: str
+) -> Moments:
+    """Return the inertial parameters of a wheel with all links on it, in its frame."""
+    total, own, links = _moments(description.links[wheel]), frames[wheel], [wheel]
+    back = transpose(own.rotation)
+    for link in links:
+        above = [joint.child for joint in description.joints.values() if joint.parent == link]
+        links += above
+        for name in above:
+            frame = frames[name]
+            offset = rotate(back, subtract(frame.offset, own.offset))
+            moments = _moments(description.links[name])
+            moved = moments_in_parent(product(back, frame.rotation), offset, moments)
+            total = cast(Moments, tuple(a + b for a, b in zip(total, moved, strict=True)))
+    return total
 
 
 def _about(axis: Vector, inertial_parameters: Moments) -> float:
