@@ -10,10 +10,12 @@ line. It rejects document types, and therefore entities. Errors also identify fi
 
 from __future__ import annotations
 
+import codecs
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 import math
 from pathlib import Path
+import re
 from typing import NoReturn, TypeVar
 from xml.parsers import expat
 
@@ -23,6 +25,9 @@ from masmc_ros.robot.packages import resource_path
 
 MOST_BYTES = 10_000_000
 """Longest description in bytes that is read; the longest known has one million."""
+
+_DECLARED = re.compile(r"""(<\?xml[^>]*?)\s+encoding\s*=\s*["']([\w.:-]+)["']""")
+"""XML declaration up to its encoding, and the name of the encoding."""
 
 KINDS = ('revolute', 'continuous', 'prismatic', 'fixed')
 """Supported types of joints; floating and planar ones have more than one axis."""
@@ -212,6 +217,34 @@ def read_urdf_file(uri: str | Path) -> Description:
     return read_urdf(text, str(path))
 
 
+def urdf_text(path: Path) -> str:
+    """
+    Return the text of a file that `read_urdf_file` accepts.
+
+    The text is published as UTF-8. If the file is in another encoding, the text declares none.
+
+    Raises
+    ------
+    InputError
+        If the content does not have the declared encoding.
+
+    """
+    content = path.read_bytes().removeprefix(codecs.BOM_UTF8)
+    declared = _DECLARED.match(content[:200].decode('latin-1'))
+    encoding = declared[2] if declared else 'utf-8'
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        encoding = 'utf-16'
+    elif b'\0' in content[:2]:
+        encoding = 'utf-16-be' if content[0] == 0 else 'utf-16-le'
+    try:
+        text = content.decode(encoding)
+        if text.encode() != content:
+            text = _DECLARED.sub(r'\1', text, count=1)
+    except (UnicodeError, LookupError) as error:
+        raise InputError(f'{path}: no XML: {error}') from error
+    return text.replace('\r\n', '\n').replace('\r', '\n')
+
+
 def _parsed(text: str | bytes, where: str) -> _Element:
     if len(text) > MOST_BYTES:
         raise InputError(f'{where}: more than {MOST_BYTES} bytes, which no robot needs')
@@ -244,7 +277,7 @@ def _parsed(text: str | bytes, where: str) -> _Element:
         raise InputError(
             f'{where}, line {error.lineno}: no XML: {expat.errors.messages[error.code]}'
         ) from error
-    except (UnicodeError, ValueError) as error:
+    except (LookupError, ValueError) as error:
         raise InputError(f'{where}: no XML: {error}') from error
     return open_elements[0].children[0]
 

@@ -6,11 +6,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 import random
 import re
+import xml.etree.ElementTree as ElementTree
 
 from masmc_ros.errors import InputError
 from masmc_ros.robot.tree.assembly import tree_robot
+from masmc_ros.robot.tree.tree_mechanism import tree_mechanism
 from masmc_ros.robot.urdf import read_urdf
 import pytest
 
@@ -126,6 +129,63 @@ def test_urdf_entities_or_excessive_size_raise() -> None:
     )
     description = read_urdf(f'<robot>{chain}<link name="l5000"/></robot>', 'x')
     assert tree_robot(description, 'x').frames['l5000'].body == 0
+
+
+@pytest.mark.parametrize(
+    ('declaration', 'encoding', 'published'),
+    [
+        ('<?xml version="1.0"?>', 'utf-8', '<?xml version="1.0"?>'),
+        ('<?xml version="1.0"?>', 'utf-8-sig', '<?xml version="1.0"?>'),
+        ('<?xml version="1.0" encoding="UTF-8"?>', 'utf-8', None),
+        ("<?xml version='1.0' encoding='ISO-8859-1'?>", 'iso-8859-1', "<?xml version='1.0'?>"),
+        ('<?xml version="1.0" encoding="cp1252" ?>', 'cp1252', '<?xml version="1.0" ?>'),
+        ('<?xml version="1.0" encoding="UTF-16"?>', 'utf-16', '<?xml version="1.0"?>'),
+        ('<?xml version="1.0" encoding="UTF-16"?>', 'utf-16-be', '<?xml version="1.0"?>'),
+        ('<?xml version="1.0"?>', 'utf-16-le', '<?xml version="1.0"?>'),
+    ],
+)
+def test_urdf_file_any_declared_encoding_is_published_as_utf_8(
+    declaration: str, encoding: str, published: str | None, tmp_path: Path
+) -> None:
+    path = tmp_path / 'robot.urdf'
+    content = URDF.replace('<?xml version="1.0"?>', declaration).replace('elbow', 'coude_é')
+    path.write_bytes(content.replace('\n', '\r\n').encode(encoding))
+    mechanism = tree_mechanism({'robot.urdf': str(path)})
+    assert [joint.name for joint in mechanism.joints] == ['shoulder', 'coude_é']
+    text = mechanism.formulas.description({}, ['shoulder', 'coude_é'], '')
+    assert text == content.replace(declaration, published or declaration)
+    # A receiver parses bytes, so the declaration must agree with them.
+    names = [joint.get('name') for joint in ElementTree.fromstring(text.encode()).iter('joint')]
+    assert names == ['shoulder', 'coude_é', 'wrist']
+
+
+def test_urdf_file_ascii_text_keeps_its_declaration(tmp_path: Path) -> None:
+    path = tmp_path / 'robot.urdf'
+    text = URDF.replace('1.0"?', '1.0" encoding="us-ascii"?')
+    path.write_text(text, encoding='ascii')
+    assert tree_mechanism({'robot.urdf': str(path)}).text == text
+
+
+@pytest.mark.parametrize(
+    ('declared', 'encoding', 'expected'),
+    [
+        ('UTF-8', 'latin-1', 'no XML: not well-formed'),
+        ('UTF-16', 'utf-8', 'no XML: encoding specified in XML declaration is incorrect'),
+        ('shift_jis', 'shift_jis', 'no XML: multi-byte encodings are not supported'),
+        ('klingon', 'utf-8', 'no XML: unknown encoding: klingon'),
+    ],
+)
+def test_urdf_file_invalid_encoding_raises_one_line(
+    declared: str, encoding: str, expected: str, tmp_path: Path
+) -> None:
+    path = tmp_path / 'robot.urdf'
+    text = URDF.replace('1.0"?', f'1.0" encoding="{declared}"?')
+    path.write_bytes(text.replace('two arms', '¶ ¶').encode(encoding))
+    with pytest.raises(InputError) as raised:
+        tree_mechanism({'robot.urdf': str(path)})
+    assert expected in str(raised.value)
+    assert str(raised.value).startswith(str(path))
+    assert '\n' not in str(raised.value)
 
 
 _Damage = Callable[[str, random.Random], str]

@@ -46,7 +46,7 @@ from masmc_ros.robot.tree.frames import (
 from masmc_ros.robot.tree.spatial import PER_BODY, rotate, transpose
 from masmc_ros.robot.tree.task.outputs import Task, task_of, TaskRobot
 from masmc_ros.robot.tree.tree_model import packed
-from masmc_ros.robot.urdf import Description, read_urdf, read_urdf_file
+from masmc_ros.robot.urdf import Description, read_urdf, read_urdf_file, urdf_text
 import numpy as np
 
 NAME = 'tree'
@@ -363,7 +363,7 @@ def described(urdf: str) -> tuple[str, Description, str]:
         return urdf, read_urdf(urdf, 'robot_description'), 'robot_description'
     path = resource_path(urdf)
     description = read_urdf_file(path)
-    return path.read_text(encoding='utf-8'), description, str(path)
+    return urdf_text(path), description, str(path)
 
 
 def tree_mechanism(values: Values) -> TreeMechanism:
