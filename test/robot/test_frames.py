@@ -18,6 +18,8 @@ from masmc_ros.nodes.live.state_transforms import StateTransforms
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.joint_names import check_frame_prefix
 from masmc_ros.robot.robot import Robot
+from masmc_ros.robot.tree.frames import world_of
+from masmc_ros.robot.tree.tree_mechanism import tree_mechanism
 from masmc_ros.robot.two_link.frames import (
     frame_origins,
     frame_transforms,
@@ -120,6 +122,44 @@ def test_logged_frames_any_seek_time_match_latest_state(tmp_path: Path, prefix: 
         base = tree[f'{prefix}base_link'][1]
         np.testing.assert_allclose(base[:3, 3], [x, y, 0.0], rtol=0.0, atol=0.0)
         np.testing.assert_allclose(base[:2, 0], [np.cos(yaw), np.sin(yaw)], atol=1e-12)
+
+
+@pytest.mark.parametrize(('kind', 'axis'), [('prismatic', '0 0 1'), ('revolute', '0.6 0 0.8')])
+def test_tree_frames_held_joint_above_base_equal_dynamics(kind: str, axis: str) -> None:
+    """The links above the base frame are where the model of the dynamics has them."""
+    links = ''.join(f'<link name="{name}"/>' for name in ('root', 'mast', 'base_link'))
+    joints = (
+        ('mount', 'fixed', 'root', 'mast', '0.1 0.2 0.5'),
+        ('lift', kind, 'mast', 'base_link', '-0.2 0 0.1'),
+        ('turret_joint', 'revolute', 'root', 'turret', '0 0.1 0.2'),
+    )
+    inertia = '<inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/>'
+    links += f'<link name="turret"><inertial><mass value="2"/>{inertia}</inertial></link>'
+    links += ''.join(
+        f"""<joint name="{name}" type="{type_}"><parent link="{parent}"/><child link="{child}"/>
+        <origin xyz="{xyz}" rpy="0.3 -0.2 0.5"/><axis xyz="{axis}"/>
+        <limit lower="-1" upper="1" effort="1" velocity="1"/></joint>"""
+        for name, type_, parent, child, xyz in joints
+    )
+    mechanism = tree_mechanism(
+        {
+            'robot.urdf': f'<robot name="r">{links}</robot>',
+            'robot.base_frame': 'base_link',
+            'robot.held_joints': ('lift',),
+            'robot.held_positions': (0.3,),
+            'robot.task': ('joints',),
+        }
+    )
+    formulas = mechanism.formulas
+    rows = formulas.frame_transforms(formulas.frame_origins(np.zeros(0)), np.zeros((1, 4)))[0]
+    children = [child for _, child in mechanism.frames]
+    places = dict(zip(children, world_of(mechanism.frames, rows), strict=True))
+    for link in ('base_link', 'mast', 'root'):
+        frame, (rotation, offset) = mechanism.robot.frames[link], places[link]
+        np.testing.assert_allclose(rotation.ravel(), frame.rotation, rtol=0.0, atol=1e-14)
+        np.testing.assert_allclose(offset, frame.offset, rtol=0.0, atol=1e-14)
+    expected = mechanism.robot.tree.offset[1]
+    np.testing.assert_allclose(places['turret'][1], expected, rtol=0.0, atol=1e-14)
 
 
 def state_at(tick: int) -> bytes:

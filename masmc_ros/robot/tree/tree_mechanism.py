@@ -292,7 +292,8 @@ class TreeMechanism(Mechanism):
             joint = below.get(child)
             if joint is None or joint.parent != parent:
                 # The base is the child of the links above it in the file.
-                rotation, offset = joint_pose(below[parent], 0.0)
+                joint = below[parent]
+                rotation, offset = joint_pose(joint, self.held.get(joint.name, 0.0))
                 back = transpose(rotation)
                 origin[i] = pose(back, tuple(-value for value in rotate(back, offset)))
                 continue
