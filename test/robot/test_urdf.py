@@ -117,6 +117,26 @@ def test_urdf_invalid_text_raises_one_line(old: str, new: str, expected: str) ->
     assert '\n' not in message
 
 
+@pytest.mark.parametrize('base', ['differential', 'omnidirectional'])
+def test_tree_robot_impossible_inertia_of_moving_base_raises(base: str) -> None:
+    wheels = ('right', 'left') if base == 'differential' else ()
+    wheel = (
+        f'<link name="{{0}}_wheel">{INERTIA}</link><joint name="{{0}}" type="continuous">'
+        '<parent link="base"/><child link="{0}_wheel"/><origin xyz="0 {1} 0.1"/>'
+        '<axis xyz="0 1 0"/></joint></robot>'
+    )
+    text = URDF
+    for name, y in zip(wheels, ('-0.2', '0.2'), strict=False):
+        text = text.replace('</robot>', wheel.format(name, y))
+    assert tree_robot(read_urdf(text, 'x'), 'x', base=base, wheels=wheels).tree.base > 0
+    description = read_urdf(text.replace('ixx="0.1"', 'ixx="0.9"', 1), 'robot.urdf')
+    expected = "^robot.urdf, line 3: link 'base', with what is fixed to it, has an inertia that"
+    with pytest.raises(InputError, match=expected):
+        tree_robot(description, 'robot.urdf', base=base, wheels=wheels)
+    # The inertia of a fixed base has no effect.
+    assert tree_robot(description, 'x').tree.base == 0
+
+
 def test_urdf_entities_or_excessive_size_raise() -> None:
     bomb = '<!DOCTYPE r [<!ENTITY a "x"><!ENTITY b "&a;&a;&a;">]>\n<robot name="&b;"/>'
     assert error_of(bomb) == 'robot.urdf, line 1: a document type, which no URDF has'

@@ -194,7 +194,8 @@ def tree_robot(
     _check_names(description, [*wheels, *joints, *(held or {})])
     controlled = _controlled(description, where, wheels, joints, held or {})
     bodies, order, frames, tree = _merged(description, controlled, held or {}, base_frame)
-    _check_moments(bodies, description, where)
+    # A fixed base does not move, so its inertia has no effect.
+    _check_moments(bodies[base == 'fixed':], description, where)
     kind, driving = BASES[base], None
     parents, rotations, offsets = tree
     rotor = np.zeros((kind + len(order), kind + len(order)))
@@ -377,7 +378,7 @@ def pseudo_inertia(inertial_parameters: Sequence[float]) -> NDArray[np.float64]:
 
 def _check_moments(bodies: Sequence[_Body], description: Description, where: str) -> None:
     """Raise InputError for bodies that cannot exist, with the name of the link."""
-    for body in bodies[1:]:
+    for body in bodies:
         if not any(body.inertial_parameters):
             continue
         least = _least(body.inertial_parameters)
