@@ -11,6 +11,7 @@ input it prints one line and ends with status 2.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from functools import partial
 import gc
 import sys
@@ -92,6 +93,14 @@ def _run(factories: Sequence[Factory], arguments: list[str]) -> int:
 
     nodes: list[RunningNode] = []
     status = 1
+
+    def close(node: RunningNode) -> None:
+        nonlocal status
+        try:
+            node.close(spin)
+        except UserError as error:
+            status = _print_error(error)
+
     try:
         with ending_at_once():
             for factory in factories:
@@ -112,12 +121,10 @@ def _run(factories: Sequence[Factory], arguments: list[str]) -> int:
     except UserError as error:
         status = _print_error(error)
     finally:
-        # After an error of one node the others still deliver their messages.
-        for node in nodes:
-            try:
-                node.close(spin)
-            except UserError as error:
-                status = _print_error(error)
+        # After an exception of one node the others still deliver their messages.
+        with ExitStack() as closing:
+            for node in reversed(nodes):
+                closing.callback(close, node)
         with bounded_ending(status):
             for node in nodes:
                 executor.remove_node(node.node)

@@ -12,6 +12,7 @@ from typing import Protocol
 from masmc_ros.errors import InputError
 from masmc_ros.messages.definitions import Definition, definition
 from masmc_ros.nodes.middleware.type_description import DefinitionRequest
+from masmc_ros.nodes.process.runtime import one_line
 from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
@@ -40,26 +41,34 @@ class Record(Protocol):
 class ExtraTopics:
     """Topics without a publisher so far."""
 
-    def __init__(self, names: Iterable[str], holds: dict[str, bool]) -> None:
+    def __init__(self, node: Node, names: Iterable[str], holds: dict[str, bool]) -> None:
         """
         Initialise the topics.
 
         Parameters
         ----------
+        node
+            node that resolves the names.
         names
-            names of topics.
+            values of `extra_topics`.
         holds
             whether messages are valid until the next one, of known topics by name.
 
+        Raises
+        ------
+        InputError
+            if a name is invalid.
+
         """
         self._holds = holds
-        self._names = {name for name in names if name} | holds.keys()
+        self._names = {_resolved(node, name): name for name in names if name}
+        # Known topics are handled by their names.
+        self._names |= {node.resolve_topic_name(name): name for name in holds}
         self._requests: dict[str, DefinitionRequest] = {}
 
     def look(self, node: Node, log: RcutilsLogger, record: Record) -> None:
         """Record the topics that have appeared, with the QoS of their publishers."""
-        for topic in tuple(self._names):
-            resolved = node.resolve_topic_name(topic)
+        for resolved, topic in tuple(self._names.items()):
             senders = node.get_publishers_info_by_topic(resolved)
             if not senders:
                 continue
@@ -70,7 +79,7 @@ class ExtraTopics:
                 self._record(record, topic, senders, defined)
             except InputError as error:
                 log.error(f'{resolved} is not recorded: {error}')
-            self._names.discard(topic)
+            del self._names[resolved]
             request = self._requests.pop(topic, None)
             if request is not None:
                 request.close()
@@ -106,3 +115,14 @@ class ExtraTopics:
             name = f'{sender.node_namespace.rstrip("/")}/{sender.node_name}'
             self._requests[topic] = DefinitionRequest(node, name, sender.topic_type, type_hash)
         return self._requests[topic].answer()
+
+
+def _resolved(node: Node, name: str) -> str:
+    """Return the full name of an extra topic; InputError if its name is invalid."""
+    try:
+        return node.resolve_topic_name(name)
+    except RuntimeError as error:
+        reason = one_line(error).removeprefix('failed to resolve name: ')
+        raise InputError(
+            f'extra_topics = {name}: {reason}; expected names such as scan or /camera/image_raw'
+        ) from error

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import ExitStack
 from functools import partial
 import os
 from pathlib import Path
@@ -112,7 +113,9 @@ class RecorderNode(SuiteNode):
         super().__init__(context=context, command_line=command_line)
         self._last = self._last_stamp()
         self._extra = ExtraTopics(
-            self.values['extra_topics'], {t.name: t.holds for t in TOPICS if t.turns_up}
+            self.node,
+            self.values['extra_topics'],
+            {t.name: t.holds for t in TOPICS if t.turns_up},
         )
         files = {file.path: Path(file.path).read_bytes() for file in command_line.files}
         self._attachments = Attachments(files, lambda: self._health.missing())
@@ -162,12 +165,13 @@ class RecorderNode(SuiteNode):
         self.wait(f'the senders of {_core_text()}')
 
     def close(self, spin: Callable[[], None]) -> None:
-        """Receive the last messages and complete the file."""
-        super().close(spin)
-        take_rest(spin, lambda: self._last_arrival)
-        self._intake.finish()
-        self._health.look()
-        self._recording.close()
+        """Receive the last messages and complete the file, also if a callback raises."""
+        with ExitStack() as ending:
+            ending.callback(self._recording.close)
+            ending.callback(self._health.look)
+            ending.callback(self._intake.finish)
+            super().close(spin)
+            take_rest(spin, lambda: self._last_arrival)
         self._watch_disk()
         lost = sum(self._recording.lost.values())
         messages = sum(self.counts.values()) - lost

@@ -9,12 +9,17 @@ import json
 import os
 from pathlib import Path
 import signal
+import subprocess
+import sys
+import textwrap
 from typing import Any
 
+from helpers.child_environment import child_environment, domain_variables
 from helpers.log_contents import LogContents, read_log
 from helpers.processes import (
     BOUNDED,
     NODES,
+    PATIENCE,
     Peer,
     peer,
     Processes,
@@ -23,6 +28,7 @@ from helpers.processes import (
     shortened,
 )
 from masmc_ros.log.read.reader import read_run
+from masmc_ros.log.recover.recover import is_complete
 from masmc_ros.messages.names import TELEMETRY
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.messages.string_message import text_of
@@ -308,3 +314,66 @@ def test_recorder_composed_run_diverges_log_complete(tmp_path: Path) -> None:
     contents = read_log(log)
     assert contents.summary.statistics is not None
     assert len(contents.messages['effort_commands']) > 1
+
+
+@pytest.mark.parametrize(
+    ('name', 'fault'),
+    [
+        ('foo bar', 'topic name must not contain characters other than'),
+        ('1x', 'topic name token must not start with a number'),
+        ('{robot}/odom', 'unknown substitution: {robot}'),
+    ],
+)
+def test_recorder_invalid_extra_topic_exits_with_one_line(
+    name: str, fault: str, tmp_path: Path
+) -> None:
+    with processes(tmp_path) as started:
+        extra = f"['{name}']"
+        settings = {'output': tmp_path / 'run.mcap', 'extra_topics': extra}
+        recorder = started.start('recorder', *ros_arguments(None, **settings))
+        assert started.wait() == {'recorder': 2}, started.output()
+        (line,) = recorder.stderr()
+    assert line.startswith(f'extra_topics = {name}: {fault}')
+    assert line.endswith('; expected names such as scan or /camera/image_raw')
+    assert not (tmp_path / 'run.mcap').exists()
+
+
+RAISES = """
+    import sys
+    from masmc_ros.nodes.process.runtime import run
+    from masmc_ros.nodes.recorder.node import RecorderNode
+    from rclpy.node import Node
+
+    class Broken:
+        finished = follows = False
+
+        def __init__(self, *, context, command_line):
+            self.node = Node('broken', context=context)
+
+        def connect(self):
+            self.node.create_timer(0.05, self.fault)
+
+        def fault(self):
+            raise RuntimeError('fault of the test')
+
+        def close(self, spin):
+            spin()
+
+    sys.exit(run([Broken, RecorderNode]))
+"""
+"""A recorder in one process with a node whose timer raises, also while both nodes are closed."""
+
+
+def test_recorder_callback_raises_log_complete(tmp_path: Path) -> None:
+    log = tmp_path / 'run.mcap'
+    with processes(tmp_path) as started:
+        done = subprocess.run(
+            [sys.executable, '-c', textwrap.dedent(RAISES), '--ros-args', '-p', f'output:={log}'],
+            env={**child_environment(), **domain_variables(started.domain)},
+            capture_output=True,
+            text=True,
+            timeout=PATIENCE,
+        )
+    assert done.returncode == 1
+    assert 'RuntimeError: fault of the test' in done.stderr
+    assert is_complete(log)
