@@ -7,9 +7,10 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 import errno
+import fcntl
 from functools import partial
 from pathlib import Path
 import threading
@@ -375,17 +376,29 @@ def clear_recording(folder: Path) -> None:
     Raises
     ------
     InputError
-        if the folder contains another file, or if a file cannot be removed.
+        if the folder contains another file, if another recorder writes a part, or if a file
+        cannot be removed.
 
     """
     try:
         if not folder.is_dir():
             raise InputError(f'{folder}: is not a folder; name another')
-        for path in folder.iterdir():
+        paths = set(folder.iterdir())
+        for path in paths:
             if path.suffix != '.mcap' and path.name != METADATA_FILE:
                 raise InputError(f'{path}: is no part of a recording; name another folder')
-        for path in folder.iterdir():
-            path.unlink()
+        with ExitStack() as locks:
+            for path in paths:
+                if path.suffix == '.mcap':
+                    stream = locks.enter_context(path.open('r+b'))
+                    fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            # A recorder may have started its next part, and completed the locked one.
+            if set(folder.iterdir()) != paths:
+                raise BlockingIOError
+            for path in paths:
+                path.unlink()
+    except BlockingIOError as error:
+        raise InputError(f'{folder}: another recorder writes it; name another folder') from error
     except OSError as error:
         raise InputError(f'{folder}: cannot be replaced: {error.strerror}') from error
 
