@@ -10,10 +10,12 @@ from pathlib import Path
 import subprocess
 import sys
 import textwrap
+import time
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.offered_qos import Qos
 from masmc_ros.log.read.reader import read_run
+from masmc_ros.log.read.scan import scan
 from masmc_ros.log.recover.recover import recover
 from masmc_ros.log.write.recording import LOST, Options, Recording
 from masmc_ros.messages.joint_state import JointStateCdr
@@ -185,6 +187,89 @@ FULL = """
     print(json.dumps([trouble, size, written, said, recording.lost]))
 """
 """A process whose files are limited to 100 kB, and later unlimited if requested."""
+
+
+FULL_AT_END_OF_PART = """
+    import json, resource, signal, sys, time
+    from pathlib import Path
+    from masmc_ros.log.write import recording
+    from masmc_ros.log.write.recording import Options, Recording
+
+    recording._LAST_TRIES = 0.2
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    _, most = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, most))
+    options = Options(max_size=50_000, compression='none', flush_period=0.05)
+    run = Recording(
+        Path(sys.argv[1]),
+        options,
+        closing=lambda log: log.attach('robot.urdf', 'application/xml', bytes(64_000)),
+    )
+    channel = run.channel('/x', 'std_msgs/msg/String')
+    limit = time.monotonic() + 60.0
+    written = 0
+    while run.trouble is None and time.monotonic() < limit:
+        run.write(channel, written, written.to_bytes(4, 'little') + bytes(400))
+        written += 1
+        time.sleep(0.001)
+    trouble = run.trouble
+    time.sleep(0.6)
+    if sys.argv[2] == 'again':
+        resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
+        while run.trouble is not None and time.monotonic() < limit:
+            time.sleep(0.01)
+    try:
+        run.close()
+        said = None
+    except Exception as error:
+        said = str(error)
+    print(json.dumps([trouble, written, said]))
+"""
+"""A process for whose first part the disk has space, but not for the end of this part."""
+
+
+@pytest.mark.parametrize('then', ['again', 'never'])
+def test_recording_disk_full_at_part_end_tried_again(then: str, tmp_path: Path) -> None:
+    done = subprocess.run(
+        [
+            sys.executable,
+            '-c',
+            textwrap.dedent(FULL_AT_END_OF_PART),
+            str(tmp_path / 'run.mcap'),
+            then,
+        ],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
+    )
+    trouble, written, error_text = json.loads(done.stdout)
+    assert trouble == 'File too large'
+    if then == 'again':
+        assert error_text is None
+        assert len(scan(tmp_path / 'run').topics['/x'].messages) == written
+    else:
+        assert 'run_0.mcap: File too large' in error_text
+        assert [path.name for path in (tmp_path / 'run').iterdir()] == ['run_0.mcap']
+        assert recover(tmp_path / 'run' / 'run_0.mcap') is not None
+        assert 0 < len(scan(tmp_path / 'run').topics['/x'].messages) < written
+
+
+def test_recording_metadata_file_blocked_tried_again(tmp_path: Path) -> None:
+    recording = Recording(tmp_path / 'run.mcap', Options(max_size=1, flush_period=0.05))
+    block = recording.path / 'metadata.yaml.part'
+    block.mkdir()
+    channel = recording.channel('/x', 'std_msgs/msg/String')
+    for n in range(2):
+        recording.write(channel, n, bytes([n]) * 8)
+    limit = time.monotonic() + 60.0
+    while recording.trouble is None and time.monotonic() < limit:
+        time.sleep(0.01)
+    assert 'metadata.yaml: cannot be written' in str(recording.trouble)
+    block.rmdir()
+    recording.close()
+    assert recording.trouble is None
+    assert scan(recording.path).topics['/x'].messages == [bytes([n]) * 8 for n in range(2)]
 
 
 @pytest.mark.parametrize('then', ['again', 'never'])

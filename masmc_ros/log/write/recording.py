@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import errno
 import fcntl
 from functools import partial
+import math
 from pathlib import Path
 import threading
 import time
@@ -38,7 +39,7 @@ _OVERHEAD = 64
 """Memory of a queued message in bytes, in addition to its data."""
 
 _LAST_TRIES = 3.0
-"""Time in s for which a full disk is tried again at the end."""
+"""Time in s for which a full disk is tried again at the end of the recording."""
 
 _REASONS = {errno.ENOSPC: 'the disk is full', errno.EDQUOT: "the user's quota is used up"}
 
@@ -325,7 +326,13 @@ class Recording:
         except InputError as error:
             self.trouble = str(error)
             return
-        self._end_part(self._parts[-2])
+        try:
+            self._end_part(self._parts[-2])
+        except InputError:
+            # Nothing of the new part is needed, and an empty file is no log.
+            log.close_file()
+            log.path.unlink(missing_ok=True)
+            raise
         self._log = log
         for number in range(1, self._last_channel + 1):
             self._add_channel(number)
@@ -350,14 +357,11 @@ class Recording:
                 log.metadata(name, texts)
         self._closing(log)
         log.finish()
-        limit = time.monotonic() + _LAST_TRIES
-        while not self._commit(whole=False, durable=True):
-            if time.monotonic() > limit:
-                raise InputError(
-                    f'{log.path}: {self.trouble}; what it took is there, and'
-                    f' `masmc recover {log.path}` completes it'
-                )
-            time.sleep(_TURN)
+        if not self._succeeds(partial(self._commit, whole=False, durable=True)):
+            raise InputError(
+                f'{log.path}: {self.trouble}; what it took is there, and'
+                f' `masmc recover {log.path}` completes it'
+            )
         log.close_file()
         if self._options.is_split:
             statistics = log.statistics
@@ -366,7 +370,34 @@ class Recording:
             self._counts.update(statistics.channel_message_counts)
             topics = enumerate(self._topics[:self._last_channel], 1)
             counted = [(topic, self._counts[number]) for number, topic in topics]
-            write_bag_metadata(self.path, self._parts, counted)
+            if not self._succeeds(partial(self._write_metadata, counted)):
+                raise InputError(str(self.trouble))
+
+    def _write_metadata(self, topics: list[tuple[RecordedTopic, int]]) -> bool:
+        """Describe the folder; note whether the disk takes it, and return True if it does."""
+        try:
+            write_bag_metadata(self.path, self._parts, topics)
+        except InputError as error:
+            self.trouble = str(error)
+            return False
+        self.trouble = None
+        return True
+
+    def _succeeds(self, attempt: Callable[[], bool]) -> bool:
+        """
+        Repeat an attempt until it returns True.
+
+        Messages wait in the queue meanwhile. Returns False if the recording has ended and 3 s of
+        further attempts have failed.
+        """
+        limit = math.inf
+        while not attempt():
+            if self._stop.is_set():
+                limit = min(limit, time.monotonic() + _LAST_TRIES)
+            if time.monotonic() > limit:
+                return False
+            time.sleep(_TURN)
+        return True
 
 
 def clear_recording(folder: Path) -> None:
