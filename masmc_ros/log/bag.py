@@ -18,6 +18,9 @@ import yaml
 
 METADATA_FILE = 'metadata.yaml'
 
+REPEATED = 'repeated_messages'
+"""Metadata record of each part but the first: topics that start with an earlier message."""
+
 _VERSION = 9
 """Version of the file that rosbag2 of Jazzy writes."""
 

@@ -13,11 +13,12 @@ import textwrap
 import time
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.offered_qos import Qos
+from masmc_ros.log.offered_qos import LATCHED, Qos
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.log.read.scan import scan
 from masmc_ros.log.recover.recover import recover
 from masmc_ros.log.write.recording import LOST, Options, Recording
+from masmc_ros.log.write.writer import LogWriter
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.parameter_record import ParameterRecord
 from masmc_ros.messages.string_message import string_message
@@ -117,6 +118,46 @@ def test_recording_bulk_messages_go_into_same_parts(options: Options, tmp_path: 
         contents.append({p.name: p.read_bytes() for p in recording.path.iterdir()})
     assert len(contents[0]) > 2
     assert contents[0] == contents[1] == contents[2]
+
+
+def test_recording_parts_keep_equal_messages(tmp_path: Path) -> None:
+    recording = Recording(tmp_path / 'run.mcap', Options(max_duration=100))
+    held = recording.channel('/held', 'std_msgs/msg/String', LATCHED, holds=True)
+    channels = [
+        recording.channel(f'/{n}', 'geometry_msgs/msg/Twist', qos)
+        for n, qos in enumerate((Qos(), LATCHED))
+    ]
+    recording.write(held, 0, b'held')
+    for time_ns in range(500):
+        for channel in channels:
+            recording.write(channel, time_ns, b'constant')
+    recording.close()
+    assert len(list(recording.path.glob('*.mcap'))) == 5
+    topics = scan(recording.path).topics
+    assert {name: len(topic.messages) for name, topic in topics.items()} == {
+        '/held': 1,
+        '/0': 500,
+        '/1': 500,
+    }
+
+
+def test_recording_parts_without_record_read(tmp_path: Path) -> None:
+    """Parts of older versions do not list their repeated messages."""
+    for part in range(3):
+        with LogWriter(tmp_path / f'run_{part}.mcap') as log:
+            channels = [
+                log.channel(name, 'std_msgs/msg/String', qos)
+                for name, qos in (('/a', LATCHED), ('/b', LATCHED), ('/c', Qos()), ('/d', LATCHED))
+            ]
+            for channel in channels:
+                log.write(channel, part, b'constant')
+    topics = scan(tmp_path).topics
+    assert {name: len(topic.messages) for name, topic in topics.items()} == {
+        '/a': 1,
+        '/b': 1,
+        '/c': 3,
+        '/d': 3,
+    }
 
 
 def test_recording_without_limits_is_one_file(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 import struct
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.bag import part_names
+from masmc_ros.log.bag import part_names, REPEATED
 from masmc_ros.log.mcap import codec
 from masmc_ros.log.read.contents import LogContents, Topic
 from mcap.opcode import Opcode
@@ -121,6 +121,8 @@ class _Collector:
         self._number = sum(len(topic.messages) for topic in earlier)
         # A later part starts with messages that are still valid: they are in an earlier part.
         self._repeated = {topic.name: topic.messages[-1] for topic in earlier}
+        self._is_stated = False
+        self._latched: set[int] = set()
 
     def add(self, data: codec.Data, opcode: int, start: int, end: int) -> None:
         """
@@ -138,7 +140,7 @@ class _Collector:
             # mcap makes an object of each message, which takes five times as long.
             channel, log_time = _MESSAGE.unpack_from(data, start)
             topic, message = self._topics[channel], data[start + _MESSAGE.size:end]
-            if self._repeated and self._repeated.pop(topic.name, None) == message:
+            if self._repeated and self._is_repeated(channel, topic, message):
                 return
             topic.orders.append(self._number)
             self._number += 1
@@ -152,6 +154,10 @@ class _Collector:
                 self.add(content, kind, first, last)
         elif isinstance(record, Metadata):
             self._contents.metadata.setdefault(record.name, []).append(record.metadata)
+            if record.name == REPEATED:
+                self._is_stated = True
+                names = self._repeated.keys() & record.metadata.keys()
+                self._repeated = {name: self._repeated[name] for name in names}
         elif isinstance(record, Attachment):
             self._contents.attachments[record.name] = record.data
         elif isinstance(record, Schema):
@@ -161,3 +167,18 @@ class _Collector:
             schema = self._schemas.get(record.schema_id)
             topic = Topic(record.topic, record.message_encoding, schema)
             self._topics[record.id] = self._contents.topics.setdefault(topic.name, topic)
+            if 'transient_local' in record.metadata.get('offered_qos_profiles', ''):
+                self._latched.add(record.id)
+
+    def _is_repeated(self, channel: int, topic: Topic, message: bytes) -> bool:
+        """
+        Return True if a message is in an earlier file.
+
+        Without the record of repeated topics these are the first messages of the file, and their
+        topics are latched.
+        """
+        is_last = self._repeated.pop(topic.name, None) == message
+        if not self._is_stated and not (is_last and channel in self._latched):
+            self._repeated.clear()
+            return False
+        return is_last

@@ -18,7 +18,13 @@ import threading
 import time
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.bag import METADATA_FILE, Part, RecordedTopic, write_bag_metadata
+from masmc_ros.log.bag import (
+    METADATA_FILE,
+    Part,
+    RecordedTopic,
+    REPEATED,
+    write_bag_metadata,
+)
 from masmc_ros.log.mcap.chunks import arrived_records, Message
 from masmc_ros.log.offered_qos import Qos
 from masmc_ros.log.write.writer import LogWriter
@@ -334,6 +340,7 @@ class Recording:
             log.path.unlink(missing_ok=True)
             raise
         self._log = log
+        log.metadata(REPEATED, {self._topics[number - 1].name: '1' for number in self._held})
         for number in range(1, self._last_channel + 1):
             self._add_channel(number)
         for channel, data in self._held.items():
