@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 from contextlib import suppress
 from typing import Protocol
 
@@ -66,9 +66,14 @@ class ExtraTopics:
         self._names |= {node.resolve_topic_name(name): name for name in holds}
         self._requests: dict[str, DefinitionRequest] = {}
 
-    def look(self, node: Node, log: RcutilsLogger, record: Record) -> None:
-        """Record the topics that have appeared, with the QoS of their publishers."""
+    def look(
+        self, node: Node, log: RcutilsLogger, record: Record, recorded: Container[str]
+    ) -> None:
+        """Record topics that have appeared and are not in `recorded`, with their QoS."""
         for resolved, topic in tuple(self._names.items()):
+            if resolved in recorded:
+                del self._names[resolved]
+                continue
             senders = node.get_publishers_info_by_topic(resolved)
             if not senders:
                 continue

@@ -307,7 +307,7 @@ class RecorderNode(SuiteNode):
 
     def _look_around(self) -> None:
         """Report to the plant when all publishers are discovered; end when they have left."""
-        self._extra.look(self.node, self.log, self._record_topic)
+        self._extra.look(self.node, self.log, self._record_topic, self.counts)
         has_senders = [
             any(all(map(self._is_sent, topics)) for topics in line) for line in _CORE
         ]

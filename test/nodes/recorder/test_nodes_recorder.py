@@ -12,8 +12,10 @@ import signal
 import subprocess
 import sys
 import textwrap
+import time
 from typing import Any
 
+from geometry_msgs.msg import Twist
 from helpers.child_environment import child_environment, domain_variables
 from helpers.log_contents import LogContents, read_log
 from helpers.processes import (
@@ -38,6 +40,7 @@ from mcap_ros2.decoder import DecoderFactory
 from nav_msgs.msg import Odometry
 import numpy as np
 import pytest
+from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosbags.highlevel import AnyReader
 from std_msgs.msg import Float64MultiArray, Header
@@ -314,6 +317,31 @@ def test_recorder_composed_run_diverges_log_complete(tmp_path: Path) -> None:
     contents = read_log(log)
     assert contents.summary.statistics is not None
     assert len(contents.messages['effort_commands']) > 1
+
+
+def test_recorder_suite_topics_in_extra_topics_recorded_once(tmp_path: Path) -> None:
+    log = tmp_path / 'run.mcap'
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        senders = {
+            tester.publisher(Odometry, 'odom'): Odometry(),
+            tester.publisher(Twist, 'cmd_vel'): Twist(),
+        }
+        extra = '[/odom, odom, joint_states, /cmd_vel, cmd_vel]'
+        settings = {'output': log, 'extra_topics': extra}
+        recorder = started.start('recorder', *ros_arguments(None, **settings))
+        for sender in senders:
+            tester.wait_for_subscribers(sender)
+        # Several checks of the extra topics.
+        time.sleep(0.3)
+        for sender, message in senders.items():
+            sender.publish(message)
+            assert sender.wait_for_all_acked(Duration(seconds=PATIENCE))
+        recorder.signal(signal.SIGTERM)
+        assert started.wait() == {'recorder': 0}, started.output()
+    contents = read_log(log)
+    topics = [channel.topic for channel in contents.summary.channels.values()]
+    assert len(topics) == len(set(topics))
+    assert len(contents.messages['odom']) == len(contents.messages['cmd_vel']) == 1
 
 
 @pytest.mark.parametrize(
