@@ -61,6 +61,8 @@ class RecordedTopic(NamedTuple):
         definition of the type if it is not one of ROS 2 Jazzy.
     holds
         whether a message is valid until the next one.
+    has_robot_time
+        whether its log times are the robot's time.
 
     """
 
@@ -69,6 +71,7 @@ class RecordedTopic(NamedTuple):
     qos: tuple[Qos, ...]
     defined: Definition | None
     holds: bool
+    has_robot_time: bool
 
 
 def write_bag_metadata(

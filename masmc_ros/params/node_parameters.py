@@ -194,7 +194,7 @@ _RECORDER_NODE = (
     ),
     Parameter(
         'max_duration', 0.0,
-        'Recorded time at which a new part of the recording starts; 0: one file',
+        'Robot time, by its states, at which a new part of the recording starts; 0: one file',
         unit='s', minimum=0.0, maximum=_MOST, rule=_is_part, rule_text=_PART_TEXT,
     ),
     Parameter(

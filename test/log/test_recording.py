@@ -160,6 +160,24 @@ def test_recording_parts_without_record_read(tmp_path: Path) -> None:
     }
 
 
+@pytest.mark.parametrize(
+    ('robot_time', 'other_time'), [(0, 1_750_000_000 * 10**9), (1_750_000_000 * 10**9, 0)]
+)
+def test_recording_duration_ignores_other_clocks(
+    robot_time: int, other_time: int, tmp_path: Path
+) -> None:
+    recording = Recording(tmp_path / 'run.mcap', Options(max_duration=100))
+    other = recording.channel('/camera', 'std_msgs/msg/String', has_robot_time=False)
+    state = recording.channel('/joint_states', 'sensor_msgs/msg/JointState')
+    for n in range(250):
+        recording.write(other, other_time + n, b'image')
+        recording.write(state, robot_time + n, b'state')
+    recording.close()
+    parts = [counts(recording.path / f'run_{n}.mcap') for n in range(3)]
+    assert len(list(recording.path.glob('*.mcap'))) == 3
+    assert [part['/joint_states'] for part in parts] == [100, 100, 50]
+
+
 def test_recording_without_limits_is_one_file(tmp_path: Path) -> None:
     recording = record(tmp_path / 'run.mcap', Options())
     assert list(tmp_path.iterdir()) == [recording.path]

@@ -25,12 +25,11 @@ from masmc_ros.log.bag import (
     REPEATED,
     write_bag_metadata,
 )
-from masmc_ros.log.mcap.chunks import arrived_records, Message
+from masmc_ros.log.mcap.chunks import arrived_records, Message, MessageRecords
 from masmc_ros.log.offered_qos import Qos
 from masmc_ros.log.write.writer import LogWriter
 from masmc_ros.messages.definitions import Definition
 import numpy as np
-from numpy.typing import NDArray
 
 _TURN = 0.02
 """Time in s between two checks of the queue."""
@@ -70,7 +69,7 @@ class Options:
     max_size
         size in bytes after which a new part starts; 0: one file.
     max_duration
-        duration of the messages in ns after which a new part starts; 0: one file.
+        duration in ns of the robot's time after which a new part starts; 0: one file.
     queue_size
         maximum size in bytes of the messages that wait for the disk.
 
@@ -152,8 +151,9 @@ class Recording:
         # Last message of each channel that holds.
         self._held: dict[int, bytes] = {}
         self._parts: list[Part] = []
-        # First log time in ns of the current part of a recording in parts.
+        # Least robot's time in ns of the current part of a recording in parts.
         self._first: int | None = None
+        self._has_messages = False
         self._counts: Counter[int] = Counter()
         self._queue: deque[Callable[[], object] | tuple[int, list[Message]]] = deque()
         self._queued = self._taken = self._last_channel = 0
@@ -170,14 +170,16 @@ class Recording:
 
     def channel(
         self, topic: str, type_name: str, *qos: Qos, defined: Definition | None = None,
-        holds: bool = False,
+        holds: bool = False, has_robot_time: bool = True,
     ) -> int:
         """
         Add a topic, as `LogWriter.channel`; return the number of its channel for `write`.
 
         `holds` states that a message is valid until the next one, without a time limit.
+        `has_robot_time` states that `max_duration` applies to its log times: stamps of another
+        clock are arbitrarily far from them.
         """
-        self._topics.append(RecordedTopic(topic, type_name, qos, defined, holds))
+        self._topics.append(RecordedTopic(topic, type_name, qos, defined, holds, has_robot_time))
         number = len(self._topics)
         self._queue.append(partial(self._add_channel, number))
         return number
@@ -275,33 +277,38 @@ class Recording:
     def _write(self, messages: list[Message]) -> None:
         records, first = arrived_records(messages), 0
         while first < len(messages):
-            count = self._space(records.times[first:])
+            count = self._space(records, first)
             if not count:
                 self._next_part(messages[first][1])
-                count = max(1, self._space(records.times[first:]))
+                count = max(1, self._space(records, first))
             start, first = first, self._log.write_records(records, first, first + count)
             if self._options.is_split:
                 self._note(messages[start:first])
             if self._log.pending > _BATCH and self.trouble is None:
                 self._commit(whole=False)
 
-    def _space(self, times: NDArray[np.int64]) -> int:
-        """Return how many of the next messages, at times in ns, belong to the current part."""
-        size, duration, first = self._options.max_size, self._options.max_duration, self._first
+    def _space(self, records: MessageRecords, start: int) -> int:
+        """Return how many of the messages from `start` on belong to the current part."""
+        size, duration = self._options.max_size, self._options.max_duration
+        times = records.times[start:]
         if self.trouble is not None:
             return len(times)
         if size and self._log.size >= size:
-            return int(first is None)
+            return int(not self._has_messages)
         if not duration:
             return len(times)
-        firsts = np.minimum.accumulate(times if first is None else np.append(first, times)[:-1])
-        is_late = times - firsts >= duration
+        is_timed = np.array([self._topics[n - 1].has_robot_time for n in records.channels[start:]])
+        latest = np.iinfo(np.int64).max if self._first is None else self._first
+        firsts = np.minimum(np.minimum.accumulate(np.where(is_timed, times, latest)), latest)
+        is_late = is_timed & (times - firsts >= duration)
         return int(np.argmax(is_late)) if is_late.any() else len(times)
 
     def _note(self, messages: list[Message]) -> None:
         """Note data for the limits of a part and for the start of the next one."""
-        first = min(time for _, time, _ in messages)
-        self._first = first if self._first is None else min(first, self._first)
+        self._has_messages = True
+        times = [time for n, time, _ in messages if self._topics[n - 1].has_robot_time]
+        if times:
+            self._first = min(times if self._first is None else [*times, self._first])
         self._held.update({n: data for n, _, data in messages if self._topics[n - 1].holds})
 
     def _commit(self, *, whole: bool = True, durable: bool = False) -> bool:
@@ -321,7 +328,7 @@ class Recording:
             path = self.path / f'{self.path.name}_{len(self._parts)}.mcap'
         log = LogWriter(path, self._options.compression, live=True)
         self._parts.append(Part(path.name))
-        self._first = None
+        self._first, self._has_messages = None, False
         self._opening(log)
         return log
 
@@ -345,7 +352,6 @@ class Recording:
             self._add_channel(number)
         for channel, data in self._held.items():
             log.write(channel, time_ns, data)
-            self._first = time_ns
 
     def _add_channel(self, number: int) -> None:
         # A log numbers its channels as the recording does: in order, from 1.

@@ -228,6 +228,7 @@ class RecorderNode(SuiteNode):
             offered,
             defined=defined,
             holds=holds,
+            has_robot_time=topic == STATE_TOPIC,
         )
         self.counts[resolved] = 0
         handlers: dict[str, Callable[[bytes, int | None], None]] = {

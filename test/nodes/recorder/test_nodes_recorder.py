@@ -15,6 +15,7 @@ import textwrap
 import time
 from typing import Any
 
+from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Twist
 from helpers.child_environment import child_environment, domain_variables
 from helpers.log_contents import LogContents, read_log
@@ -43,6 +44,7 @@ import pytest
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosbags.highlevel import AnyReader
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header
 
 LAST = 700
@@ -342,6 +344,26 @@ def test_recorder_suite_topics_in_extra_topics_recorded_once(tmp_path: Path) -> 
     topics = [channel.topic for channel in contents.summary.channels.values()]
     assert len(topics) == len(set(topics))
     assert len(contents.messages['odom']) == len(contents.messages['cmd_vel']) == 1
+
+
+def test_recorder_stamps_of_other_clock_start_no_part(tmp_path: Path) -> None:
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        states = tester.publisher(JointState, 'joint_states')
+        odometry = tester.publisher(Odometry, 'odom')
+        settings = {'output': tmp_path / 'run.mcap', 'max_duration': 10.0}
+        recorder = started.start('recorder', *ros_arguments(None, **settings))
+        for sender in (states, odometry):
+            tester.wait_for_subscribers(sender)
+        for second in range(5):
+            states.publish(JointState(header=Header(stamp=Time(sec=second))))
+            odometry.publish(Odometry(header=Header(stamp=Time(sec=1_750_000_000 * (second % 2)))))
+        for sender in (states, odometry):
+            assert sender.wait_for_all_acked(Duration(seconds=PATIENCE))
+        recorder.signal(signal.SIGTERM)
+        assert started.wait() == {'recorder': 0}, started.output()
+    (log,) = (tmp_path / 'run').glob('*.mcap')
+    contents = read_log(log)
+    assert len(contents.messages['joint_states']) == len(contents.messages['odom']) == 5
 
 
 @pytest.mark.parametrize(
