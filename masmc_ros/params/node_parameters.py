@@ -177,7 +177,8 @@ def _controller_node(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 _RECORDER_NODE = (
     Parameter(
-        'output', '.', 'Output file (*.mcap), or a folder for a file named by date and time'
+        'output', '.',
+        'Output file (*.mcap), or a folder for a new file named by namespace, date and time',
     ),
     Parameter('overwrite', False, 'Replace an existing file'),
     Parameter('compression', 'zstd', 'Compression of chunks', choices=('zstd', 'lz4', 'none')),

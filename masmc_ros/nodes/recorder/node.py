@@ -119,7 +119,9 @@ class RecorderNode(SuiteNode):
         )
         files = {file.path: Path(file.path).read_bytes() for file in command_line.files}
         self._attachments = Attachments(files, lambda: self._health.missing())
-        self._recording = open_recording(self.values, self._attachments)
+        self._recording = open_recording(
+            self.values, self._attachments, self.node.get_namespace()
+        )
         self._not_understood = RejectedMessages(self.log, 'is recorded as it came')
         self._recording.not_understood = self._not_understood.counts
         self._health = RecorderHealth(self._recording)
