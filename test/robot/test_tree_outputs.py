@@ -7,9 +7,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from helpers.small_tree import parameters, START
+from helpers.small_tree import parameters, START, URDF
 from masmc_ros.errors import InputError
-from masmc_ros.robot.robot import robot_of
+from masmc_ros.robot.joint_names import driven_joint_names, JOINT_NAMES_PARAMETER
+from masmc_ros.robot.robot import robot_description, robot_of
 from masmc_ros.robot.tree.tree_mechanism import tree_mechanism, TreeMechanism
 import numpy as np
 import pytest
@@ -109,3 +110,21 @@ def test_task_too_many_axes_raises() -> None:
     frames = ('turret', 'lift', 'upper', 'fore', 'hand', 'base_link', 'wheel_left', 'wheel_right')
     with pytest.raises(InputError, match=r'robot\.task: 53 axes; expected 1 to 48'):
         robot(*(f'pose {frame}' for frame in frames), 'joints')
+
+
+def test_description_renamed_joint_is_mimicked_by_its_new_name() -> None:
+    finger = (
+        '<link name="finger"/><joint name="finger_joint" type="revolute"><parent link="hand"/>'
+        '<child link="finger"/><axis xyz="1 0 0"/><mimic joint="hand_joint"/>'
+        '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>'
+    )
+    urdf = URDF.replace('</robot>', finger)
+    settings = parameters(urdf)
+    mechanism = tree_mechanism(settings)
+    values = {p.name: p.default for p in mechanism.parameters} | settings
+    driven = driven_joint_names(values)
+    assert driven[-1] == 'hand_joint'
+    values[JOINT_NAMES_PARAMETER] = (*driven[:-1], 'wrist')
+    text = robot_description(values)
+    assert 'mimic joint="wrist"' in text
+    assert 'hand_joint' not in text

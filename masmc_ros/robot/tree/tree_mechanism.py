@@ -325,6 +325,8 @@ class TreeMechanism(Mechanism):
         for joint in root.iter('joint'):
             name = joint.get('name', '')
             joint.set('name', names.get(name, name))
+            for leader in joint.iter('mimic'):
+                leader.set('joint', names.get(leader.get('joint', ''), leader.get('joint', '')))
             for end in (*joint.iter('parent'), *joint.iter('child')):
                 end.set('link', frame_prefix + end.get('link', ''))
         return ElementTree.tostring(root, encoding='unicode', xml_declaration=True)
