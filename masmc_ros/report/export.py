@@ -70,7 +70,8 @@ def check_export(
     _check_format(file_format)
     directory = Path(directory)
     taken: set[str] = set()
-    paths = [directory / f'{file_stem(Path(log).stem, taken)}.{file_format}' for log in logs]
+    stems = [file_stem(Path(log).resolve().stem, taken) for log in logs]
+    paths = [directory / f'{stem}.{file_format}' for stem in stems]
     check_apart([directory, *paths], logs)
     check_folder(directory)
     for path in paths:

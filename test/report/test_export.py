@@ -190,6 +190,15 @@ def test_export_logs_of_equal_name_get_separate_files(tmp_path: Path) -> None:
     assert [path.name for path in paths] == ['x.npz', 'x_2.npz', 'X_3.npz']
 
 
+def test_export_current_folder_is_named_by_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    run = replace(bare(), path=Path('.'))
+    path, = write_export([run], tmp_path / 'out', 'npz', overwrite=False)
+    assert path.name == f'{tmp_path.name}.npz'
+
+
 @pytest.mark.parametrize('kind', list(FORMATS))
 def test_export_write_fails_leaves_no_file(
     tmp_path: Path, kind: str, monkeypatch: pytest.MonkeyPatch
