@@ -156,7 +156,8 @@ def _file_of(name: str, importing: str) -> str:
     is_neighbour = os.path.dirname(file) == os.path.dirname(importing)
     is_own = is_neighbour or first in Path(importing).parts or not file.startswith(_LIBRARIES)
     names = getattr(module, '__dict__', {})
-    has_formulas = any(hasattr(value, 'py_func') for value in names.values())
+    # `hasattr` would call the `__getattr__` of foreign objects, which may raise.
+    has_formulas = any('py_func' in getattr(v, '__dict__', ()) for v in names.values())
     return file if (is_own or has_formulas) and file.endswith('.py') else ''
 
 
