@@ -251,6 +251,11 @@ def test_wheel_tyre_as_link_of_its_own_has_same_inertia() -> None:
             '<parent link="w"/><child link="tyre"/>'
             '<origin xyz="0 0 0.1" rpy="0 1.5707963267948966 0"/></joint>'
         ),
+        'with an arm': (
+            f'<link name="w">{own}</link><link name="tyre">{own}</link>'
+            '<joint name="seat" type="continuous"><parent link="w"/><child link="tyre"/>'
+            '<axis xyz="0 0 1"/></joint>'
+        ),
     }
     spins = []
     for text in links.values():
@@ -272,3 +277,5 @@ def test_wheel_tyre_as_link_of_its_own_has_same_inertia() -> None:
         spins.append(cart.wheels.spin)
     np.testing.assert_allclose(spins[0], 0.02, rtol=1e-12)
     np.testing.assert_allclose(spins[1], spins[0], rtol=1e-9)
+    # A link on a controlled joint is a body of its own.
+    np.testing.assert_array_equal(spins[2], spins[0])

@@ -298,11 +298,10 @@ def _merged(
     if base_frame:
         _rebase(description, base_frame, frames, (parents, rotations, offsets))
     for name, frame in frames.items():
-        own = _moments(description.links[name])
-        moved = moments_in_parent(frame.rotation, frame.offset, own)
-        body = bodies[frame.body]
-        total = tuple(a + b for a, b in zip(body.inertial_parameters, moved, strict=True))
-        body.inertial_parameters = cast(Moments, total)
+        body, link = bodies[frame.body], description.links[name]
+        body.inertial_parameters = _with_link(
+            body.inertial_parameters, link, frame.rotation, frame.offset
+        )
     return bodies, order, frames, (parents, rotations, offsets)
 
 
@@ -320,18 +319,19 @@ def _rebase(
     if chosen.body != 0:
         raise InputError(f"robot.base_frame '{base_frame}' moves against '{description.root}'")
     parents, rotations, offsets = tree
-    back = transpose(chosen.rotation)
     for number, parent in enumerate(parents):
         if parent == 0:
-            rotations[number] = product(back, rotations[number])
-            offsets[number] = rotate(back, subtract(offsets[number], chosen.offset))
+            placed = _seen_from(chosen, rotations[number], offsets[number])
+            rotations[number], offsets[number] = placed
     for name, frame in frames.items():
         if frame.body == 0:
-            frames[name] = Frame(
-                0,
-                product(back, frame.rotation),
-                rotate(back, subtract(frame.offset, chosen.offset)),
-            )
+            frames[name] = Frame(0, *_seen_from(chosen, frame.rotation, frame.offset))
+
+
+def _seen_from(frame: Frame, rotation: Rotation, offset: Vector) -> tuple[Rotation, Vector]:
+    """Return a place on the body of a frame, in this frame."""
+    back = transpose(frame.rotation)
+    return product(back, rotation), rotate(back, subtract(offset, frame.offset))
 
 
 def joint_pose(joint: Joint, at: float) -> tuple[Rotation, Vector]:
@@ -425,17 +425,21 @@ def _wheel_moments(
 ) -> Moments:
     """Return the inertial parameters of a wheel with all links on it, in its frame."""
     total, own, links = _moments(description.links[wheel]), frames[wheel], [wheel]
-    back = transpose(own.rotation)
-    for link in links:
-        above = [joint.child for joint in description.joints.values() if joint.parent == link]
-        links += above
-        for name in above:
-            frame = frames[name]
-            offset = rotate(back, subtract(frame.offset, own.offset))
-            moments = _moments(description.links[name])
-            moved = moments_in_parent(product(back, frame.rotation), offset, moments)
-            total = cast(Moments, tuple(a + b for a, b in zip(total, moved, strict=True)))
+    for parent in links:
+        for joint in description.joints.values():
+            frame = frames[joint.child]
+            # A controlled joint on a wheel moves another body, which counts as its own.
+            if joint.parent == parent and frame.body == own.body:
+                links.append(joint.child)
+                placed = _seen_from(own, frame.rotation, frame.offset)
+                total = _with_link(total, description.links[joint.child], *placed)
     return total
+
+
+def _with_link(total: Moments, link: Link, rotation: Rotation, offset: Vector) -> Moments:
+    """Return inertial parameters with those of a link at a place."""
+    moved = moments_in_parent(rotation, offset, _moments(link))
+    return cast(Moments, tuple(a + b for a, b in zip(total, moved, strict=True)))
 
 
 def _about(axis: Vector, inertial_parameters: Moments) -> float:
