@@ -155,10 +155,13 @@ def _file_of(name: str, importing: str) -> str:
     file = getattr(module, '__file__', None) or ''
     is_neighbour = os.path.dirname(file) == os.path.dirname(importing)
     is_own = is_neighbour or first in Path(importing).parts or not file.startswith(_LIBRARIES)
-    names = getattr(module, '__dict__', {})
+    return file if file.endswith('.py') and (is_own or _has_formulas(module)) else ''
+
+
+def _has_formulas(module: ModuleType | None) -> bool:
     # `hasattr` would call the `__getattr__` of foreign objects, which may raise.
-    has_formulas = any('py_func' in getattr(v, '__dict__', ()) for v in names.values())
-    return file if (is_own or has_formulas) and file.endswith('.py') else ''
+    names = getattr(module, '__dict__', {})
+    return any('py_func' in getattr(value, '__dict__', ()) for value in names.values())
 
 
 def files_of_types(kinds: Types) -> set[str]:

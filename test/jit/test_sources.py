@@ -13,7 +13,7 @@ import shutil
 import subprocess
 import sys
 import sysconfig
-from types import SimpleNamespace
+from types import ModuleType
 
 from helpers.child_environment import child_environment
 from helpers.small_tree import parameters
@@ -244,11 +244,11 @@ def test_sources_contain_all_compiled_functions(
 def test_library_with_formulas_is_a_source(monkeypatch: pytest.MonkeyPatch) -> None:
     """Formulas that a user's law imports from another installed package are in its code."""
     library = Path(sysconfig.get_path('purelib'))
-    modules = {'with_formula': SimpleNamespace(), 'without': SimpleNamespace()}
+    modules = {name: ModuleType(name) for name in ('with_formula', 'without')}
     for name, module in modules.items():
         module.__file__ = str(library / name / '__init__.py')
-        monkeypatch.setitem(sys.modules, name, module)  # type: ignore[arg-type]
-    modules['with_formula'].force = minus
+        monkeypatch.setitem(sys.modules, name, module)
+    vars(modules['with_formula'])['force'] = minus
     law = str(library / 'law.py')
     assert sources._file_of('with_formula', law) == modules['with_formula'].__file__
     assert sources._file_of('without', law) == ''
