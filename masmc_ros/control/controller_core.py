@@ -541,7 +541,7 @@ class ControllerCore:
             self._position[:], self._velocity[:] = position, velocity
         self._is_waiting = True
         self._more.append(Wait(reason))
-        # A robot that the law has moved must not continue with its last torque.
+        # A robot that this controller has moved must not continue with its last torque.
         if self.pacing.is_timed and self._has_moved and self._halted != stamp:
             self._halted = stamp
             self._halt()

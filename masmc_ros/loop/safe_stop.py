@@ -32,7 +32,7 @@ from masmc_ros.jit.vectors import check_workspace
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES
 from masmc_ros.loop.controller import Controller
 from masmc_ros.numerics.limits import clipped, limited
-from masmc_ros.numerics.scalars import minus, moved, zero
+from masmc_ros.numerics.scalars import minus, moved, times, zero
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 import numpy as np
@@ -145,7 +145,7 @@ def _stop_torque(
     motion = mechanism.motion(model, apart)
     weight = mechanism.coriolis(model, bend, theta, elementwise(zero, motion))
     inertia = mechanism.inertia(model, bend, theta)
-    feedback = mechanism.inertia_times(model, inertia, elementwise(_scaled, motion, gain))
+    feedback = mechanism.inertia_times(model, inertia, elementwise(times, motion, gain))
     raw = mechanism.joint_torques(model, elementwise(minus, weight, feedback))
     torque = elementwise(limited, raw, body.torque, body.limit, body.rate_limit, body.period)
     # The sum is zero for finite numbers and NaN otherwise.
@@ -161,11 +161,6 @@ def _stop_torque(
 def _led(rate: float, angle: float, goal: float, share: float, pull: float) -> float:
     """Return the next reference velocity: braked, and directed to a goal if `pull` is not zero."""
     return rate * share + (1.0 - share) * clipped(pull * (goal - angle), _UNFOLDING_SPEED)
-
-
-@formula
-def _scaled(rate: float, factor: float) -> float:
-    return rate * factor
 
 
 @formula

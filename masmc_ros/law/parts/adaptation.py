@@ -28,6 +28,7 @@ from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.parts.delay_compensation import gradient
 from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.scalars import times
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.formula_types import Lengths
@@ -224,12 +225,6 @@ def move_into_half_space(
 
 
 @formula
-def _share(gradient: float, share: float) -> float:
-    """Return a share of a gradient."""
-    return share * gradient
-
-
-@formula
 def adapt(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: Joints) -> None:
     """
     Advance theta_hat by one tick along the gradient of the law or of its compensation.
@@ -296,7 +291,7 @@ def adapt_along(
         tick.model,
         settings,
         memory.estimate,
-        elementwise(_share, gradient, share),
+        elementwise(times, gradient, share),
         tick.period,
     )
     following = elementwise(pulled_estimate, moved, tick.nominal, tick.period, rate)

@@ -35,7 +35,7 @@ from masmc_ros.law.parts.slip import backed_off, SLIP_BACKOFF
 from masmc_ros.law.reaching.reaching import GAINS, NEEDS_FULL, Reaching, SHORTCUT
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.elimination import solve_definite
-from masmc_ros.numerics.scalars import minus, moved, zero
+from masmc_ros.numerics.scalars import minus, moved, times, zero
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 
@@ -86,17 +86,12 @@ def _holds(force: float, box: float) -> float:
 
 
 @formula
-def _times(a: float, b: float) -> float:
-    return a * b
-
-
-@formula
 def solution(
     inertia: Columns, period: float, k_s1: Numbers, k_s2: Numbers, s: Numbers
 ) -> tuple[Numbers, Numbers]:
     """Return s+ in m/s and zeta."""
     force = matrix_times(inertia, s)
-    box = elementwise(_times, k_s2, period)
+    box = elementwise(times, k_s2, period)
     # If all axes stay on the surface, there is nothing to solve.
     if least(elementwise(_holds, force, box)) > 0.0:
         return elementwise(zero, s), elementwise(_within, force, box)
@@ -164,7 +159,7 @@ def reach_on_surface(settings: Settings, tick: Tick, memory: Memory) -> Axes:
     """Return the force if all axes stay on the surface; count other cases in `needs_full`."""
     inertia = mechanism.task_inertia(tick.model, tick.posture, tick.nominal, tick.surface)
     force = matrix_times(inertia, tick.surface)
-    box = elementwise(_times, settings.k_s2, tick.period)
+    box = elementwise(times, settings.k_s2, tick.period)
     memory.needs_full += 1.0 - least(elementwise(_holds, force, box))
     zeta = elementwise(_within, force, box)
     return _reached(settings, tick, memory, inertia, elementwise(zero, tick.surface), zeta)

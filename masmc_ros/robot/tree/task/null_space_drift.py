@@ -24,7 +24,7 @@ from __future__ import annotations
 from masmc_ros.aliases import Numbers
 from masmc_ros.jit.compiled import formula, kernel
 from masmc_ros.jit.tuples import dot, elementwise, least
-from masmc_ros.numerics.scalars import minus
+from masmc_ros.numerics.scalars import minus, times
 from masmc_ros.robot.formula_types import LawMemory, LawSettings
 from masmc_ros.robot.tree.kinematics import Posture
 from masmc_ros.robot.tree.task.redundancy import motion_from_task
@@ -57,11 +57,6 @@ def compensated(model: TreeModel, acceleration: Numbers, drift: Numbers) -> Numb
 @formula
 def _corrected(drift: float, measured: float, predicted: float, gain_per_period: float) -> float:
     return drift + gain_per_period * (measured - predicted)
-
-
-@formula
-def _decayed(error: float, share: float) -> float:
-    return share * error
 
 
 @formula
@@ -112,4 +107,4 @@ def follow_drift(
         memory.drift_limited = limited
         persists = least(elementwise(_ahead, limited, LONGEST_LIMITED)) < 0.0
         share = np.nan if persists else 1.0 - damping_of(model) * period
-        memory.drift_predicted = elementwise(_decayed, error, share)
+        memory.drift_predicted = elementwise(times, error, share)
