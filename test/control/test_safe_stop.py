@@ -235,6 +235,7 @@ def test_safe_stop_velocity_interface_action_void() -> None:
     assert not stop.update(0, np.ones(7), np.zeros(7))
 
 
+@pytest.mark.slow
 def test_safe_stop_changed_parameters_take_effect() -> None:
     """A payload announced during hand guiding is carried; a lower limit holds at once."""
     loop = _changing(hold=False)
