@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import ExitStack
 import os
 from pathlib import Path
 import socket
@@ -15,8 +17,13 @@ from masmc_ros.errors import UserError
 from masmc_ros.user_folder import runtime_folder
 import pytest
 
-FREE = [3, 4, 5, 6]
-"""Domains that the tests' own nodes do not use."""
+
+@pytest.fixture
+def free() -> Iterator[list[int]]:
+    """Yield four domains that no other process takes during the test."""
+    domains = range(60, 98)
+    with ExitStack() as locks:
+        yield [locks.enter_context(locked_domain(domains)) for _ in range(4)]
 
 
 @pytest.fixture
@@ -41,13 +48,14 @@ def temporary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_private_domain_lock_in_runtime_folder_only(temporary: Path, runtime: Path) -> None:
     with private_domain() as variables:
-        (lock,) = (runtime / 'masmc_ros').iterdir()
-        assert lock.name == f'domain_{variables["ROS_DOMAIN_ID"]}.lock'
+        # A domain that another process uses was locked first if it had the earlier turn.
+        locks = {lock.name for lock in (runtime / 'masmc_ros').iterdir()}
+        assert f'domain_{variables["ROS_DOMAIN_ID"]}.lock' in locks
     assert list(temporary.iterdir()) == []
 
 
-def test_locked_domain_two_at_once_differ(runtime: Path) -> None:
-    with locked_domain(FREE) as one, locked_domain(FREE) as other:
+def test_locked_domain_two_at_once_differ(free: list[int], runtime: Path) -> None:
+    with locked_domain(free) as one, locked_domain(free) as other:
         assert one != other
     with locked_domain([one]) as again:
         assert again == one
@@ -56,11 +64,11 @@ def test_locked_domain_two_at_once_differ(runtime: Path) -> None:
         pass
 
 
-def test_locked_domain_in_use_without_lock_skipped(runtime: Path) -> None:
+def test_locked_domain_in_use_without_lock_skipped(free: list[int], runtime: Path) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as node:
-        node.bind(('', 7410 + 250 * FREE[0]))
-        with locked_domain(FREE[:2]) as domain:
-            assert domain == FREE[1]
+        node.bind(('', 7410 + 250 * free[0]))
+        with locked_domain(free[:2]) as domain:
+            assert domain == free[1]
 
 
 def test_runtime_folder_unset_created_for_this_user_only(temporary: Path) -> None:
@@ -98,11 +106,13 @@ def test_private_domain_foreign_path_in_place_of_folder_rejected(
     assert list(elsewhere.iterdir()) == []
 
 
-def test_locked_domain_link_in_place_of_lock_not_followed(runtime: Path, tmp_path: Path) -> None:
+def test_locked_domain_link_in_place_of_lock_not_followed(
+    free: list[int], runtime: Path, tmp_path: Path
+) -> None:
     important = tmp_path / 'important'
     important.write_bytes(b'content')
     (runtime / 'masmc_ros').mkdir(mode=0o700)
-    (runtime / 'masmc_ros' / f'domain_{FREE[0]}.lock').symlink_to(important)
-    with locked_domain(FREE[:2]) as domain:
-        assert domain == FREE[1]
+    (runtime / 'masmc_ros' / f'domain_{free[0]}.lock').symlink_to(important)
+    with locked_domain(free[:2]) as domain:
+        assert domain == free[1]
     assert important.read_bytes() == b'content'
