@@ -23,16 +23,23 @@ def plugged_in(group: str) -> tuple[str, ...]:
 @cache
 def _names(read: Callable[..., EntryPoints], group: str, path: tuple[str, ...]) -> tuple[str, ...]:
     # Cached, as reading the metadata of all installed packages takes some 20 ms.
-    return tuple(sorted(point.name for point in read(group=group)))
+    return tuple(sorted({point.name for point in read(group=group)}))
 
 
 def load_plug_in(group: str, parameter: str, name: str) -> Any:
     """
     Return the object of a name in a group.
 
-    Raises InputError with the parameter whose value is the name, if it cannot be loaded.
+    Raises InputError with the parameter whose value is the name, if it cannot be loaded or if
+    two packages bring it.
     """
-    for point in entry_points(group=group, name=name):
+    points = {point.value: point for point in entry_points(group=group, name=name)}
+    if len(points) > 1:
+        raise InputError(
+            f'{parameter} = {name}: several installed packages bring it: {", ".join(points)};'
+            ' uninstall all of them but one'
+        )
+    for point in points.values():
         try:
             return point.load()
         except Exception as error:

@@ -12,6 +12,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from masmc_ros.errors import InputError
 from masmc_ros.robot.tree.assembly import tree_robot, TreeRobot
+from masmc_ros.robot.tree.tree_mechanism import tree_mechanism
 from masmc_ros.robot.tree.tree_model import DIFFERENTIAL, OMNIDIRECTIONAL
 from masmc_ros.robot.tree.wheels import driving_wheels, Mount
 from masmc_ros.robot.urdf import Joint, Pose, read_urdf
@@ -191,6 +192,23 @@ def test_tree_robot_omnidirectional_without_wheels_is_driven() -> None:
     assert robot.wheels is None
     assert np.diag(robot.tree.armature).tolist() == [0.0, 0.0, 0.0, 0.01]
     assert robot.limits.effort.tolist() == [6.0]
+
+
+@pytest.mark.parametrize(
+    ('own', 'expected'),
+    [
+        ({'robot.roller_angles': (0.5,)}, 'robot.roller_angles [0.5, 0.5]: expected one for each'),
+        ({'robot.held_joints': (CORNERS[0],)}, "joint 'front_right' is a wheel"),
+    ],
+)
+def test_tree_mechanism_invalid_differential_base_raises_one_line(
+    own: dict[str, Any], expected: str
+) -> None:
+    values = {'robot.urdf': URDF, 'robot.base': 'differential', 'robot.wheels': CORNERS[:2]}
+    with pytest.raises(InputError) as raised:
+        tree_mechanism({**values, **own})
+    assert expected in str(raised.value)
+    assert '\n' not in str(raised.value)
 
 
 @pytest.mark.parametrize(

@@ -117,6 +117,34 @@ def test_urdf_invalid_text_raises_one_line(old: str, new: str, expected: str) ->
     assert '\n' not in message
 
 
+@pytest.mark.parametrize(
+    ('joints', 'positions', 'expected'),
+    [
+        (('wrist',), (0.0,), "line 16: joint 'wrist' does not move"),
+        (('shoulder',), (1.2,), "line 7: joint 'shoulder' is held at 1.2, expected -1.0 to 1.0"),
+        (('elbow',), (-0.1,), "line 12: joint 'elbow' is held at -0.1, expected 0.0 to 0.3"),
+        (('elbow', 'elbow'), (0.1, 0.2), "held_joints ['elbow', 'elbow']: expected different"),
+        (('hip',), (0.0,), "no joint 'hip'; known are shoulder, elbow, wrist"),
+    ],
+)
+def test_urdf_invalid_held_joint_raises_one_line(
+    joints: tuple[str, ...], positions: tuple[float, ...], expected: str
+) -> None:
+    values = {'robot.urdf': URDF, 'robot.held_joints': joints, 'robot.held_positions': positions}
+    with pytest.raises(InputError) as raised:
+        tree_mechanism(values)
+    assert expected in str(raised.value)
+    assert '\n' not in str(raised.value)
+
+
+def test_urdf_held_joint_of_range_zero_at_any_position() -> None:
+    # A range from 0 to 0 is that of a limit without range, and is ignored.
+    text = URDF.replace('lower="-1" upper="1"', 'lower="0" upper="0"')
+    assert text != URDF
+    robot = tree_robot(read_urdf(text, 'x'), 'x', held={'shoulder': 1.2})
+    assert [joint.name for joint in robot.joints] == ['elbow']
+
+
 @pytest.mark.parametrize('base', ['differential', 'omnidirectional'])
 def test_tree_robot_impossible_inertia_of_moving_base_raises(base: str) -> None:
     wheels = ('right', 'left') if base == 'differential' else ()

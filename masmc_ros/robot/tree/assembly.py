@@ -236,14 +236,19 @@ def _controlled(
     joints: Sequence[str],
     held: Mapping[str, float],
 ) -> set[str]:
-    """Return the names of the controlled joints."""
-    for name in joints:
-        joint = description.joints[name]
+    """Return the names of the controlled joints; raise InputError for an invalid choice."""
+    for name in (*joints, *held):
+        joint, is_held = description.joints[name], name in held
+        position, lower, upper = held.get(name, 0.0), joint.lower, joint.upper
         for is_wrong, what in (
             (joint.kind == 'fixed', 'does not move'),
-            (joint.mimics, f"moves with '{joint.mimics}', which is not supported"),
+            (joint.mimics and not is_held, f"moves with '{joint.mimics}', which is not supported"),
             (name in wheels, 'is a wheel'),
-            (name in held, 'is held'),
+            (name in joints and is_held, 'is held'),
+            (
+                is_held and lower < upper and not lower <= position <= upper,
+                f'is held at {position}, expected {lower} to {upper}',
+            ),
         ):
             if is_wrong:
                 raise InputError(f"{where}, line {joint.line}: joint '{name}' {what}")

@@ -386,6 +386,9 @@ def _made(urdf: str, own: tuple[Value, ...]) -> TreeMechanism:
     names, wheels = values['robot.held_joints'], values['robot.wheels']
     angles = _as_many(values['robot.held_positions'], len(names), 'robot.held_positions')
     held = dict(zip(names, angles.tolist(), strict=True))
+    if len(held) < len(names):
+        raise InputError(f'robot.held_joints {list(names)}: expected different names')
+    rollers = _as_many(values['robot.roller_angles'], len(wheels), 'robot.roller_angles')
     robot = tree_robot(
         description,
         where,
@@ -393,11 +396,7 @@ def _made(urdf: str, own: tuple[Value, ...]) -> TreeMechanism:
         base_frame=values['robot.base_frame'],
         wheels=wheels,
         wheel_radius=values['robot.wheel_radius'],
-        roller_angles=_as_many(
-            values['robot.roller_angles'], len(wheels), 'robot.roller_angles'
-        ).tolist()
-        if values['robot.base'] == 'omnidirectional' and wheels
-        else (),
+        roller_angles=rollers.tolist() if rollers.any() else (),
         joints=values['robot.joints'],
         held=held,
         armature=values['robot.armature'],
