@@ -137,6 +137,22 @@ def test_urdf_invalid_held_joint_raises_one_line(
     assert '\n' not in str(raised.value)
 
 
+@pytest.mark.parametrize('kind', ['continuous', 'prismatic'])
+def test_urdf_last_joint_without_inertia_needs_armature(kind: str) -> None:
+    limit = '<axis xyz="0 0 1"/><limit lower="0" upper="1" effort="1" velocity="1"/></joint>'
+    text = URDF.replace('type="fixed"', f'type="{kind}"')
+    text = text.replace('0.2"/>\n  </joint>', f'0.2"/>{limit}')
+    with pytest.raises(InputError) as raised:
+        tree_mechanism({'robot.urdf': text, 'robot.armature': 0.0})
+    assert str(raised.value) == (
+        "robot_description, line 16: joint 'wrist': the links that it moves have no inertia,"
+        ' expected an <inertial> or robot.armature > 0'
+    )
+    assert len(tree_mechanism({'robot.urdf': text, 'robot.armature': 1e-9}).joints) == 3
+    fixed = tree_mechanism({'robot.urdf': URDF, 'robot.armature': 0.0})
+    assert [joint.name for joint in fixed.joints] == ['shoulder', 'elbow']
+
+
 def test_urdf_held_joint_of_range_zero_at_any_position() -> None:
     # A range from 0 to 0 is that of a limit without range, and is ignored.
     text = URDF.replace('lower="-1" upper="1"', 'lower="0" upper="0"')

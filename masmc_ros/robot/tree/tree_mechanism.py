@@ -32,7 +32,13 @@ from masmc_ros.robot.declaration import (
 )
 from masmc_ros.robot.packages import resource_path
 from masmc_ros.robot.tree import formulas as kernels
-from masmc_ros.robot.tree.assembly import BASES, joint_pose, tree_robot, TreeRobot
+from masmc_ros.robot.tree.assembly import (
+    BASES,
+    joint_pose,
+    pseudo_inertia,
+    tree_robot,
+    TreeRobot,
+)
 from masmc_ros.robot.tree.frames import (
     BASE,
     Frames,
@@ -403,6 +409,8 @@ def _made(urdf: str, own: tuple[Value, ...]) -> TreeMechanism:
     )
     if not robot.joints:
         raise InputError(f'{where}: no joint that can be controlled; expected one at least')
+    if not values['robot.armature']:
+        _check_inertia(robot, where)
     base = values['robot.base']
     root = values['robot.base_frame'] or description.root
     tip = values['robot.tip_frame'] or robot.joints[-1].child
@@ -485,6 +493,20 @@ def _made(urdf: str, own: tuple[Value, ...]) -> TreeMechanism:
     )
     register(mechanism)
     return mechanism
+
+
+def _check_inertia(robot: TreeRobot, where: str) -> None:
+    """Raise InputError if the last joint of a branch moves no inertia."""
+    for number, joint in enumerate(robot.joints, 1):
+        if number in robot.tree.parent:
+            continue
+        p, axis = pseudo_inertia(robot.inertial_parameters[number]), np.array(joint.axis)
+        around = np.trace(p[:3, :3]) - axis @ p[:3, :3] @ axis
+        if not (p[3, 3] if joint.kind == 'prismatic' else around) > 0.0:
+            raise InputError(
+                f"{where}, line {joint.line}: joint '{joint.name}': the links that it moves have"
+                ' no inertia, expected an <inertial> or robot.armature > 0'
+            )
 
 
 def _rest(robot: TreeRobot, values: Values) -> Array:
