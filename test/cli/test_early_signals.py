@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 import shutil
 import signal
@@ -13,6 +12,7 @@ import subprocess
 import sys
 import time
 
+from helpers.child_environment import child_environment, domain, domain_variables
 from masmc_ros.cli import executables
 from masmc_ros.cli.commands.run import NODES
 from masmc_ros.cli.endings import Ended, ended_by_signals
@@ -26,32 +26,27 @@ LIBRARIES = ('_multiarray_umath', 'libllvmlite')
 
 def interrupted(command: list[str], library: str, number: signal.Signals) -> tuple[int, str]:
     """Send a signal during the import of a library; return exit status and standard error."""
-    path = os.pathsep.join(entry or os.getcwd() for entry in sys.path)
-    process = subprocess.Popen(
-        [sys.executable, *command],
-        env={
-            **os.environ,
-            'PYTHONPATH': path,
-            'ROS_DOMAIN_ID': '98',
-            'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
-        },
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    try:
-        maps = Path(f'/proc/{process.pid}/maps')
-        limit = time.monotonic() + PATIENCE
-        while library not in maps.read_text():
-            assert time.monotonic() < limit, f'{library} is not imported'
-            assert process.poll() is None, process.communicate()
-            time.sleep(0.001)
-        process.send_signal(number)
-        _, err = process.communicate(timeout=PATIENCE)
-    finally:
-        process.kill()
-        process.wait()
+    with domain() as own:
+        process = subprocess.Popen(
+            [sys.executable, *command],
+            env={**child_environment(), **domain_variables(own)},
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        try:
+            maps = Path(f'/proc/{process.pid}/maps')
+            limit = time.monotonic() + PATIENCE
+            while library not in maps.read_text():
+                assert time.monotonic() < limit, f'{library} is not imported'
+                assert process.poll() is None, process.communicate()
+                time.sleep(0.001)
+            process.send_signal(number)
+            _, err = process.communicate(timeout=PATIENCE)
+        finally:
+            process.kill()
+            process.wait()
     return process.returncode, err
 
 
@@ -74,28 +69,24 @@ def test_node_signal_during_import_status_0(
 
 def test_node_signal_during_compilation_ends_immediately(tmp_path: Path) -> None:
     pytest.importorskip('rclpy')
-    process = subprocess.Popen(
-        [sys.executable, '-m', 'masmc_ros.cli.main', 'run', 'controller'],
-        env={
-            **os.environ,
-            'PYTHONPATH': os.pathsep.join(entry or os.getcwd() for entry in sys.path),
-            'XDG_CACHE_HOME': str(tmp_path),
-            'ROS_DOMAIN_ID': '98',
-            'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
-        },
-        stderr=subprocess.PIPE,
-    )
-    try:
-        limit = time.monotonic() + 10 * PATIENCE
-        while not list(tmp_path.rglob('*.nbc')):
-            assert time.monotonic() < limit, 'nothing is compiled'
-            assert process.poll() is None, process.communicate()
-            time.sleep(0.01)
-        process.send_signal(signal.SIGTERM)
-        _, err = process.communicate(timeout=PATIENCE)
-    finally:
-        process.kill()
-        process.wait()
+    cache = {'XDG_CACHE_HOME': str(tmp_path)}
+    with domain() as own:
+        process = subprocess.Popen(
+            [sys.executable, '-m', 'masmc_ros.cli.main', 'run', 'controller'],
+            env={**child_environment(), **domain_variables(own), **cache},
+            stderr=subprocess.PIPE,
+        )
+        try:
+            limit = time.monotonic() + 10 * PATIENCE
+            while not list(tmp_path.rglob('*.nbc')):
+                assert time.monotonic() < limit, 'nothing is compiled'
+                assert process.poll() is None, process.communicate()
+                time.sleep(0.01)
+            process.send_signal(signal.SIGTERM)
+            _, err = process.communicate(timeout=PATIENCE)
+        finally:
+            process.kill()
+            process.wait()
     assert (process.returncode, err) == (0, b'')
     # The node did not compile the remaining kernels; there are several hundred.
     assert len(list(tmp_path.rglob('*.nbc'))) < 50
@@ -137,10 +128,9 @@ def test_colcon_script_in_bin_runs_masmc(tmp_path: Path) -> None:
     )
     installed.chmod(0o755)
     command = [str(script), 'simulate', '--list']
-    path = os.pathsep.join(entry or os.getcwd() for entry in sys.path)
     result = subprocess.run(
         command,
-        env={**os.environ, 'PYTHONPATH': path},
+        env=child_environment(),
         cwd=tmp_path,
         capture_output=True,
         text=True,

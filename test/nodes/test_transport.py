@@ -10,7 +10,7 @@ from pathlib import Path
 import subprocess
 import sys
 
-from helpers.child_environment import child_environment
+from helpers.child_environment import child_environment, domain
 from masmc_ros.nodes.middleware import transport
 import pytest
 from rclpy.utilities import get_rmw_implementation_identifier
@@ -43,15 +43,16 @@ pytestmark = pytest.mark.skipif(
 def output(program: str, folder: Path, environment: Mapping[str, str]) -> list[str]:
     """Return the lines that a Python program prints in an environment and a folder."""
     inherited = {k: v for k, v in child_environment().items() if k not in VARIABLES}
-    result = subprocess.run(
-        [sys.executable, '-c', program],
-        env={**inherited, 'ROS_DOMAIN_ID': '59', **environment},
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=120.0,
-    )
+    with domain() as own:
+        result = subprocess.run(
+            [sys.executable, '-c', program],
+            env={**inherited, 'ROS_DOMAIN_ID': str(own), **environment},
+            cwd=folder,
+            capture_output=True,
+            text=True,
+            check=True,
+            timeout=120.0,
+        )
     assert not result.stderr
     return result.stdout.splitlines()
 
