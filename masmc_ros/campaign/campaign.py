@@ -22,7 +22,7 @@ from masmc_ros.campaign.runs import (
     scenario_of,
     WORTH_LANES,
 )
-from masmc_ros.campaign.variable import Scenario, Variable
+from masmc_ros.campaign.variable import check_distinct, Scenario, Variable
 from masmc_ros.errors import InputError
 from masmc_ros.law import registry
 from masmc_ros.law.law import Law
@@ -190,10 +190,8 @@ def campaign_of(
     campaign = Campaign(
         file, tuple(settings), values, tuple(axes), tuple(draws), repeats, seed, sobol
     )
+    check_distinct(campaign.variables)
     names = [variable.name for variable in campaign.variables]
-    for name in names:
-        if names.count(name) > 1:
-            raise InputError(f'{name}: varies twice; expected each parameter once')
     if SEED in names and repeats > 1 and not any(draw.name == SEED for draw in draws):
         raise InputError(f'{SEED}: already differs between the runs of a point; remove the axis')
     for axis, variable in zip(axes, campaign.variables, strict=False):

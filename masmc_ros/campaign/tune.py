@@ -23,7 +23,7 @@ from masmc_ros.aliases import Array
 from masmc_ros.campaign.campaign import Campaign
 from masmc_ros.campaign.part import evaluated
 from masmc_ros.campaign.runs import LANES, Run
-from masmc_ros.campaign.variable import Variable
+from masmc_ros.campaign.variable import check_distinct, Variable
 from masmc_ros.errors import InputError
 from masmc_ros.params.scalar import typed
 from masmc_ros.report.measure.metrics import Metrics
@@ -115,10 +115,7 @@ def variables_of(campaign: Campaign, ranges: Sequence[Range]) -> list[Variable]:
             except InputError as error:
                 raise InputError(f'{place}: {error}') from None
         variables.append(variable)
-    names = [entry.name for entry in ranges] + [draw.name for draw in campaign.draws]
-    for name in names:
-        if names.count(name) > 1:
-            raise InputError(f'{name}: appears twice; expected each parameter once')
+    check_distinct([*variables, *campaign.variables])
     return variables
 
 

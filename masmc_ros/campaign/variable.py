@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 import re
 
 from masmc_ros.aliases import AnyArray
@@ -89,6 +90,14 @@ class Variable:
         """Return the declaration, which is the same for all nodes."""
         return next(iter(self.readers.values()))
 
+    def overlaps(self, other: Variable) -> bool:
+        """Return True if both variables write the same value of a node."""
+        writes_all = None in (self.index, other.index)
+        return (writes_all or self.index == other.index) and any(
+            node in other.readers and other.readers[node].name == parameter.name
+            for node, parameter in self.readers.items()
+        )
+
     def write(self, scenario: Scenario, value: object) -> None:
         """Write a value into a scenario, for all nodes; InputError if a node would reject it."""
         for node, parameter in self.readers.items():
@@ -126,3 +135,15 @@ class Variable:
         node, parameter = next(iter(self.readers.items()))
         whole = self.name.partition('[')[0]
         return f'{whole}={yaml_text(scenario[node][parameter.name])}'
+
+
+def check_distinct(variables: Sequence[Variable]) -> None:
+    """Raise InputError if two variables write the same value, of which only one would apply."""
+    for one, other in combinations(variables, 2):
+        if one.name == other.name:
+            raise InputError(f'{one.name}: varies twice; expected each parameter once')
+        if one.overlaps(other):
+            raise InputError(
+                f'{one.name}, {other.name}: the same parameter varies twice; expected each'
+                ' parameter of a node once'
+            )
