@@ -12,8 +12,11 @@ contain the description of the campaign, the versions and the key.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+import fcntl
 from importlib.metadata import version
 from itertools import pairwise
+import os
 from pathlib import Path
 import platform
 import re
@@ -42,6 +45,35 @@ def versions() -> dict[str, str]:
     return {'masmc_ros': __version__, 'git': git_state(), **packages}
 
 
+@contextmanager
+def reserved(folder: Path) -> Iterator[None]:
+    """
+    Create a folder and lock it against other processes, which could compute the same runs.
+
+    Created folders that stay empty are removed. Raises InputError if another process has locked
+    the folder. A file system without locks is accepted.
+    """
+    created = [path for path in (folder, *folder.parents) if not path.exists()]
+    make_folder(folder)
+    lock = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise InputError(
+                f'{folder}: another process writes this dataset; wait until it ends, or choose '
+                'another --output'
+            ) from None
+        except OSError:
+            pass
+        yield
+    finally:
+        for path in created:
+            with suppress(OSError):
+                path.rmdir()
+        os.close(lock)
+
+
 class Dataset:
     """Rows of a campaign on the disk."""
 
@@ -49,7 +81,8 @@ class Dataset:
         """
         Initialise the dataset in a folder, which may have rows of the same campaign.
 
-        Raises InputError if the folder has files of another campaign.
+        Raises InputError if the folder has files of another campaign, damaged files, or rows of
+        a run twice.
         """
         self.folder = folder
         self.campaign = campaign
@@ -61,19 +94,31 @@ class Dataset:
             **versions(),
         }
         for path in self._files():
-            key = (parquet.read_schema(path).metadata or {}).get(f'{_PREFIX}key'.encode(), b'')
+            try:
+                known = parquet.read_schema(path).metadata or {}
+            except (OSError, pa.ArrowException) as error:
+                raise InputError(
+                    f'{path}: no readable Parquet file ({error}); remove it, and the same command'
+                    ' computes its runs again'
+                ) from None
+            key = known.get(f'{_PREFIX}key'.encode(), b'')
             if key.decode() != campaign.key:
                 raise InputError(
                     f'{path}: runs of another campaign or version; expected an empty folder, or '
                     'the same command to continue; choose another --output, or remove the folder'
+                )
+        for (first, count), (following, _) in pairwise(self._ranges()):
+            if following < first + count:
+                raise InputError(
+                    f'{folder}: run {following} is in two files; remove the folder, and compute '
+                    'the campaign again'
                 )
         for path in folder.glob('part-*.parquet.part'):
             path.unlink()  # left by a killed process
 
     def missing(self, size: int) -> Iterator[tuple[int, int]]:
         """Yield first run and number of runs of missing parts, at most `size` runs per part."""
-        known = sorted(self._ranges())
-        edges = [(0, 0), *known, (self.campaign.total, 0)]
+        edges = [(0, 0), *self._ranges(), (self.campaign.total, 0)]
         for (first, count), (following, _) in pairwise(edges):
             for start in range(first + count, following, size):
                 yield start, min(size, following - start)
@@ -112,8 +157,9 @@ class Dataset:
         return sorted(path for path in self.folder.glob('part-*') if _NAME.fullmatch(path.name))
 
     def _ranges(self) -> list[tuple[int, int]]:
+        """Return first run and number of runs of each file, sorted."""
         matches = (_NAME.fullmatch(path.name) for path in self._files())
-        return [(int(match[1]), int(match[2])) for match in matches if match]
+        return sorted((int(match[1]), int(match[2])) for match in matches if match)
 
     def _table(self, rows: Rows) -> pa.Table:
         # NaN stands for missing numbers, which tables of other programs count as null.

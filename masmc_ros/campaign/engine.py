@@ -102,21 +102,23 @@ def carry_out(
     Raises
     ------
     InputError
-        if the folder has rows of another campaign, and as `computed`.
+        if the folder has rows of another campaign, or if another process writes to it, and as
+        `computed`.
 
     """
     # pyarrow is optional.
-    from masmc_ros.campaign.dataset import Dataset
+    from masmc_ros.campaign.dataset import Dataset, reserved
 
     check_folder(folder)
-    dataset = Dataset(folder, campaign)
-    advance(dataset.done)
-    if dataset.done < campaign.total:
-        # Only this process writes the dataset.
-        with closing(
-            computed(campaign, dataset.missing, threads=threads, scheduler=scheduler)
-        ) as results:
-            for rows in results:
-                dataset.write(rows)
-                advance(len(rows['run']))
+    with reserved(folder):
+        dataset = Dataset(folder, campaign)
+        advance(dataset.done)
+        if dataset.done < campaign.total:
+            # Only this process writes the dataset.
+            with closing(
+                computed(campaign, dataset.missing, threads=threads, scheduler=scheduler)
+            ) as results:
+                for rows in results:
+                    dataset.write(rows)
+                    advance(len(rows['run']))
     return dataset
