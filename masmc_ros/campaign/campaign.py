@@ -26,6 +26,8 @@ from masmc_ros.campaign.variable import check_distinct, Scenario, Variable
 from masmc_ros.errors import InputError
 from masmc_ros.law import registry
 from masmc_ros.law.law import Law
+from masmc_ros.loop.simulated_robot import RIGID
+from masmc_ros.params.scenario import check_start
 from masmc_ros.params.text import yaml_text
 import numpy as np
 
@@ -136,16 +138,25 @@ class Campaign(Description):
         plant['seed'] = (plant['seed'] + repeat) % _SEEDS
         for variable, value in zip(self.variables, values, strict=True):
             variable.write(scenario, value)
+        check_start(scenario, f'run {number}')
         names = [variable.name for variable in self.variables]
         return Run(number, dict(zip(names, values, strict=True)), scenario)
 
     def command(self, run: Run) -> str:
         """Return the command `masmc simulate` that repeats a run."""
         settings = [*self.settings, *(v.setting(run.scenario) for v in self.variables)]
-        seed = run.scenario['plant']['seed']
-        if seed != self.scenario['plant']['seed']:
-            settings.append(f'{SEED}={seed}')
-        options = ' '.join(f'--set {shlex.quote(setting)}' for setting in dict.fromkeys(settings))
+        plant, controller = run.scenario['plant'], run.scenario['controller']
+        if plant['seed'] != self.scenario['plant']['seed']:
+            settings.append(f'{SEED}={plant["seed"]}')
+        if plant['physics'] == RIGID:
+            # Such runs start active and without an approach.
+            if not controller['active_on_start']:
+                settings.append('controller.active_on_start=true')
+            if controller['approach_on_start']:
+                settings.append('controller.approach_on_start=false')
+        # The last setting of a parameter applies.
+        distinct = [*dict.fromkeys(reversed(settings))][::-1]
+        options = ' '.join(f'--set {shlex.quote(setting)}' for setting in distinct)
         return f'masmc simulate {shlex.quote(self.file)} {options}'.rstrip()
 
 
@@ -215,9 +226,11 @@ def campaign_of(
 
 def _check(variable: Variable, scenario: Scenario, value: object, place: str) -> None:
     try:
-        variable.write({node: dict(values) for node, values in scenario.items()}, value)
+        written = {node: dict(values) for node, values in scenario.items()}
+        variable.write(written, value)
     except InputError as error:
         raise InputError(f'{place}: {error}') from None
+    check_start(written, place)
 
 
 def _laws(campaign: Campaign) -> list[str]:

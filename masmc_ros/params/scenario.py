@@ -89,7 +89,7 @@ def load_scenario(path: str, settings: Iterable[str] = ()) -> dict[str, MutableV
         if 'control_period' in values:
             _check_timing(values, path, node)
         scenario[node] = values
-    _check_start(scenario, path)
+    check_start(scenario, path)
     return scenario
 
 
@@ -141,7 +141,7 @@ def logged_scenario(
             logged['duration'] = _length(run)
         values = logged | _checked(declarations, extra[node])
         scenario[node] = check_all(declarations, values, f'{run.path}: {node}: ')
-    _check_start(scenario, run.path)
+    check_start(scenario, run.path)
     _check_length(run, Timing.from_values(scenario['plant']))
     if run.reference is not None and np.isnan(run.reference[0]).any():
         has_path = ~np.isnan(run.reference).any(axis=1)
@@ -161,7 +161,7 @@ def _check_timing(values: MutableValues, path: str, node: str) -> None:
         raise InputError(f'{path}: {node}: {error}') from None
 
 
-def _check_start(scenario: Mapping[str, Values], place: str | Path) -> None:
+def check_start(scenario: Mapping[str, Values], place: str | Path) -> None:
     """Raise InputError if the path starts later than the robot."""
     start = scenario['trajectory']['start_time']
     if start > 0.0:

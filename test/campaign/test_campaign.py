@@ -60,6 +60,22 @@ def test_command_repeats_scenario_of_run() -> None:
         assert {node: repeated[node] for node in run.scenario} == run.scenario
 
 
+def test_command_ends_with_values_of_run_and_starts_active() -> None:
+    settings = (
+        'plant.robot.link_2_mass=1.0',
+        'robot.link_2_mass=2.0',
+        'controller.approach_on_start=true',
+        'controller.active_on_start=false',
+    )
+    campaign = campaign_of(PAPER, settings, axes=[axis('plant.robot.link_2_mass=1.0,3.0')])
+    options = shlex.split(campaign.command(next(campaign.runs(0, 1))))[4::2]
+    repeated = load_scenario(PAPER, options)
+    assert repeated['plant']['robot.link_2_mass'] == 1.0
+    assert repeated['controller']['robot.link_2_mass'] == 2.0
+    assert not repeated['controller']['approach_on_start']
+    assert repeated['controller']['active_on_start']
+
+
 def test_shared_parameter_applies_to_all_nodes() -> None:
     run = next(EXAMPLE.runs(3, 1))
     plant, controller = run.scenario['plant'], run.scenario['controller']
@@ -100,6 +116,7 @@ def test_key_depends_on_every_part_of_description() -> None:
         (['monte-carlo', '--draw', 'plant.robot.link_2_mass=uniform:1:2',
           '--draw', 'robot.link_2_mass=uniform:1:2'], 'the same parameter varies twice'),
         (['sweep', '--vary', 'controller.law=smc,smcc'], 'law = smcc: expected one of'),
+        (['sweep', '--vary', 'trajectory.start_time=0,5'], 'path starts with the robot'),
         (['sweep', '--vary', 'robot.mechanism=two_link'], 'same type of robot'),
         (['sweep', '--vary', 'plant.wait_for=a,b'], 'wait_for is a text'),
         (['sweep', '--vary', 'plant.initial_joints[4]=1,2'], 'expected an index < 4'),
