@@ -16,6 +16,8 @@ import sys
 
 from helpers.campaigns import assert_equal, campaign_with, DRAWS, PAPER, SETTINGS
 from helpers.small_tree import hand_at_start, write_scenario
+import masmc_ros as masmc
+from masmc_ros.api.scenario import Scenario
 from masmc_ros.campaign.axes import axis
 from masmc_ros.campaign.campaign import Campaign, campaign_of
 from masmc_ros.campaign.dataset import arrays, Dataset
@@ -33,6 +35,13 @@ from pyarrow import parquet
 import pytest
 
 pytestmark = pytest.mark.slow
+
+VELOCITIES = (
+    'controller.approach_on_start=true',
+    'plant.command_interface=velocity',
+    'controller.command_interface=velocity',
+)
+
 
 def metrics_of(settings: list[str]) -> tuple[Metrics, Simulation]:
     """Return the metrics of a single run as `masmc simulate` computes them."""
@@ -110,6 +119,26 @@ def test_runs_of_trees_are_computed_one_by_one(tmp_path: Path) -> None:
     mechanism = many.mechanism
     metrics = Samples.of_ticks(block.error, block.torque, 0.001, mechanism.points).metrics()
     assert rows(many, 0, 2)['torque_rms'][1] == metrics.torque_rms
+
+
+@pytest.mark.parametrize('settings', [('controller.active_on_start=false',), VELOCITIES])
+def test_runs_in_contact_equal_simulated_runs(settings: tuple[str, ...]) -> None:
+    """Also with an inactive controller, which `masmc simulate` activates, and without torques."""
+    pytest.importorskip('mujoco')
+    settings = ('duration=0.2', 'plant.physics=mujoco', *settings)
+    campaign = campaign_of(PAPER, settings)
+    result, run = rows(campaign, 0, 1), masmc.simulate(Scenario(PAPER, settings))
+    for column in metric_columns(campaign.mechanism):
+        value = column.value(run.metrics)
+        expected = np.nan if value is None else value
+        np.testing.assert_array_equal(result[column.name], [expected], column.name)
+
+
+def test_endless_run_in_contact_is_rejected() -> None:
+    pytest.importorskip('mujoco')
+    campaign = campaign_of(PAPER, ('duration=0.0', 'plant.physics=mujoco'))
+    with pytest.raises(InputError, match=r'duration = 0.0: expected a length > 0 s'):
+        rows(campaign, 0, 1)
 
 
 def test_different_laws_and_periods_are_computed_in_one_part() -> None:

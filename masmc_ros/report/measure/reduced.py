@@ -16,6 +16,7 @@ from masmc_ros.loop.batch_simulation import BatchSimulation
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.timing import Timing
 from masmc_ros.params.declaration import Values
+from masmc_ros.params.scenario import activation
 from masmc_ros.report.measure.metrics import Metrics, Reached, Samples, second_half
 from masmc_ros.report.measure.settling import BAND, FLOOR, settled_after
 from masmc_ros.robot.declaration import Mechanism
@@ -84,15 +85,31 @@ def reduced_metrics(
 
 
 def simulated_metrics(run: Mapping[str, Values]) -> Metrics | float:
-    """Return the metrics of a run whose plant has no lanes; NaN if it diverged or fell."""
-    simulation = Simulation(run)
+    """
+    Return the metrics of a run whose plant has no lanes, bitwise those of `masmc simulate`.
+
+    NaN if it diverged or fell. Raises InputError for an endless run.
+    """
+    simulation = Simulation(run, activation(run))
+    if simulation.timing.last is None:
+        raise InputError('duration = 0.0: expected a length > 0 s')
     try:
-        blocks = [(block.error, block.torque) for block in simulation.run()]
+        blocks = [
+            (block.error, block.torque, block.active, block.estimate[-1:], block.commands_rates)
+            for block in simulation.run()
+        ]
     except InputError:
         return math.nan
-    error, torque = (np.concatenate(signals) for signals in zip(*blocks, strict=True))
-    points = simulation.controller.mechanism.points
-    return Samples.of_ticks(error, torque, simulation.timing.period, points).metrics()
+    errors, torques, active, estimates, takes_velocities = zip(*blocks, strict=True)
+    mechanism = simulation.controller.mechanism
+    return Samples.of_ticks(
+        np.concatenate(errors),
+        np.zeros((0, len(mechanism.joints))) if takes_velocities[0] else np.concatenate(torques),
+        simulation.timing.period,
+        mechanism.points,
+        active=np.concatenate(active),
+        estimate=estimates[-1],
+    ).metrics()
 
 
 def metrics_of_lane(
