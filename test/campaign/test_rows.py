@@ -134,6 +134,18 @@ def test_runs_in_contact_equal_simulated_runs(settings: tuple[str, ...]) -> None
         np.testing.assert_array_equal(result[column.name], [expected], column.name)
 
 
+@pytest.mark.parametrize('duration', ['0.0005', '0.001', '0.002'])
+def test_metrics_of_shortest_runs_are_missing_as_in_simulated_runs(duration: str) -> None:
+    settings = (f'duration={duration}',)
+    result = rows(campaign_of(PAPER, settings), 0, 1)
+    run = masmc.simulate(Scenario(PAPER, settings))
+    for column in metric_columns(run.mechanism):
+        value = column.value(run.metrics)
+        expected = np.nan if value is None else value
+        np.testing.assert_array_equal(result[column.name], [expected], column.name)
+    assert not result['lost'][0]
+
+
 def test_endless_run_in_contact_is_rejected() -> None:
     pytest.importorskip('mujoco')
     campaign = campaign_of(PAPER, ('duration=0.0', 'plant.physics=mujoco'))

@@ -47,7 +47,9 @@ class ReducedWindow(NamedTuple):
         times = np.arange(timing.last + 1, dtype=np.float64) * timing.period
         start, end = second_half(times)
         within = np.flatnonzero((start <= times) & (times < end))
-        return cls(timing, times, start, end, int(within[0]), int(within[-1]) + 1)
+        # A run of one control period has no tick in its second half.
+        first, after = (int(within[0]), int(within[-1]) + 1) if len(within) else (0, 0)
+        return cls(timing, times, start, end, first, after)
 
 
 def reduced_metrics(
@@ -148,13 +150,13 @@ def metrics_of_lane(
         outside = int(reduced['last_outside'][point, lane])
         settled = float(window.times[outside + 1]) if outside < last else math.inf
         return Reached(
-            rms=math.sqrt(float(reduced['square_sum'][point, lane]) / ticks),
-            largest=math.sqrt(float(reduced['largest_square'][point, lane])),
+            rms=math.sqrt(float(reduced['square_sum'][point, lane]) / ticks) if ticks else None,
+            largest=math.sqrt(float(reduced['largest_square'][point, lane])) if ticks else None,
             settling=settled_after(0.0, settled, window.end),
         )
 
     efforts: dict[str, float] = {}
-    if has_torques:
+    if has_torques and ticks:
         square, change = reduced['torque_square_sum'][lane], reduced['torque_change_sum'][lane]
         efforts['torque_rms'] = math.sqrt(float(square) / ticks)
         efforts['torque_variation'] = float(change) / (window.end - window.start)
