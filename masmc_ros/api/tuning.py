@@ -15,7 +15,7 @@ from masmc_ros.campaign.draws import draw as parsed_draw
 from masmc_ros.campaign.summary import metric_named
 from masmc_ros.campaign.threads import processors
 from masmc_ros.campaign.tune import Evaluation, searched, tuned, Tuning, variables_of
-from masmc_ros.campaign.tuned_file import tuned_file
+from masmc_ros.campaign.tuned_file import BaseFile
 from masmc_ros.campaign.variable import Variable
 from masmc_ros.errors import InputError
 from masmc_ros.output_files import write_file
@@ -40,6 +40,8 @@ class TunedScenario:
         The two minimised metrics.
     search
         All candidates, the front and the chosen candidate.
+    base
+        Parameter file of the scenario when the search started.
 
     """
 
@@ -47,6 +49,7 @@ class TunedScenario:
     variables: tuple[Variable, ...]
     columns: tuple[Column, Column]
     search: Tuning
+    base: BaseFile
 
     @property
     def values(self) -> dict[str, float]:
@@ -72,8 +75,7 @@ class TunedScenario:
     @property
     def text(self) -> str:
         """Return a ROS parameter file with the chosen values."""
-        file, settings = self.scenario.file, self.scenario.settings
-        return tuned_file(file, settings, self.variables, self.values)
+        return self.base.tuned(self.variables, self.values)
 
     def __repr__(self) -> str:
         """Return the chosen values, and the metrics before and after."""
@@ -165,6 +167,7 @@ def search(
     threads: int,
 ) -> TunedScenario:
     """Search gains as `tune` does, with ranges and draws as texts NAME=VALUE of the command."""
+    base = BaseFile.read(scenario.file, scenario.settings)
     drawn = [parsed_draw(text) for text in draws]
     campaign = campaign_of(
         scenario.file, scenario.settings, draws=drawn, repeats=runs if drawn else 1, seed=seed,
@@ -187,4 +190,4 @@ def search(
         result = tuned(
             evaluate, searches, evaluations=evaluations, seed=seed, advance=progress.update
         )
-    return TunedScenario(scenario, tuple(variables), (first, second), result)
+    return TunedScenario(scenario, tuple(variables), (first, second), result, base)

@@ -229,13 +229,14 @@ def tuned(
     Raises
     ------
     InputError
-        if every candidate has a run that diverged.
+        if no candidate has finite objectives.
 
     """
     import optuna
 
     optuna.logging.set_verbosity(optuna.logging.ERROR)
-    sampler = optuna.samplers.NSGAIISampler(population_size=POPULATION, seed=seed)
+    # Seeds of Optuna have 32 bits; the draws use all bits.
+    sampler = optuna.samplers.NSGAIISampler(population_size=POPULATION, seed=seed % 2**32)
     study = optuna.create_study(directions=['minimize', 'minimize'], sampler=sampler)
     spaces: dict[str, optuna.distributions.BaseDistribution] = {
         entry.name: optuna.distributions.FloatDistribution(entry.low, entry.high, log=entry.is_log)
@@ -268,7 +269,8 @@ def pareto_front(candidates: Sequence[Candidate]) -> list[Candidate]:
 def _chosen(front: Sequence[Candidate], start: Candidate) -> Candidate:
     if not front:
         raise InputError(
-            'every candidate has runs that diverged; expected other ranges, or fewer conditions'
+            'no candidate has finite metrics: runs diverge, or errors do not settle; expected '
+            'other ranges, or fewer conditions'
         )
     allowed = [entry for entry in front if entry.objectives[1] <= start.objectives[1]]
     if allowed and math.isfinite(start.objectives[1]):

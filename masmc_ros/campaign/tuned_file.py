@@ -7,45 +7,85 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from masmc_ros.campaign.variable import Variable
+from masmc_ros.campaign.variable import Scenario, Variable
+from masmc_ros.errors import InputError
+from masmc_ros.params.blocks import read_blocks
 from masmc_ros.params.declaration import Values
 from masmc_ros.params.node_parameters import NODES
 from masmc_ros.params.scenario import load_scenario
 import yaml
 
+_BLOCK = '/**/plant: {ros__parameters: {duration: 1.0}}'
 
-def tuned_file(
-    file: str, settings: Sequence[str], variables: Sequence[Variable], values: Mapping[str, float]
-) -> str:
+
+class BaseFile(NamedTuple):
     """
-    Return the text of a parameter file with settings and tuned values.
+    Parameter file of a scenario when a search starts; later changes of the file have no effect.
 
-    The last value of a name in a file applies, so the blocks stand below the original text.
-
-    Parameters
+    Attributes
     ----------
-    file
-        Parameter file of the scenario.
-    settings
-        Texts NAME=VALUE of `--set`.
-    variables
-        Tuned parameters.
-    values
-        Tuned values by the names of the variables.
+    text
+        Content of the file.
+    original
+        Checked values of the file by node.
+    scenario
+        The same with the settings.
 
     """
-    original, scenario = load_scenario(file), load_scenario(file, settings)
-    for variable in variables:
-        variable.write(scenario, values[variable.name])
-    lines = [Path(file).read_text(encoding='utf-8').rstrip('\n'), '', '# Tuned by masmc tune.']
-    for node in NODES:
-        changed = {n: v for n, v in scenario[node].items() if v != original[node][n]}
-        if changed:
-            block = {f'/**/{node}': {'ros__parameters': _nested(changed)}}
-            lines.append(yaml.safe_dump(block, default_flow_style=None, width=99).rstrip('\n'))
-    return '\n'.join(lines) + '\n'
+
+    text: str
+    original: Scenario
+    scenario: Scenario
+
+    @classmethod
+    def read(cls, file: str, settings: Sequence[str]) -> BaseFile:
+        """
+        Read a parameter file, with settings NAME=VALUE.
+
+        Raises InputError if it cannot be loaded, or if no blocks can stand below its text.
+        """
+        original, scenario = load_scenario(file), load_scenario(file, settings)
+        try:
+            text = Path(file).read_text(encoding='utf-8').rstrip('\n')
+            read_blocks(f'{text}\n{_BLOCK}'.encode(), file)
+        except (UnicodeDecodeError, InputError):
+            raise InputError(
+                f'{file}: no block can be added below its text; expected text in UTF-8, without '
+                'braces around all blocks and without the end of a document (...)'
+            ) from None
+        return cls(text, original, scenario)
+
+    def tuned(self, variables: Sequence[Variable], values: Mapping[str, float]) -> str:
+        """
+        Return the text of a parameter file with the settings and tuned values.
+
+        The last value of a name in a file applies, so the blocks stand below the original text.
+
+        Parameters
+        ----------
+        variables
+            Tuned parameters.
+        values
+            Tuned values by the names of the variables.
+
+        """
+        scenario = {node: dict(known) for node, known in self.scenario.items()}
+        for variable in variables:
+            variable.write(scenario, values[variable.name])
+        lines = [self.text, '', '# Tuned by masmc tune.']
+        for node in NODES:
+            original = self.original[node]
+            # Settings can select a robot with other parameters.
+            changed = {
+                n: v for n, v in scenario[node].items() if n not in original or v != original[n]
+            }
+            if changed:
+                block = {f'/**/{node}': {'ros__parameters': _nested(changed)}}
+                text = yaml.safe_dump(block, default_flow_style=None, width=99)
+                lines.append(text.rstrip('\n'))
+        return '\n'.join(lines) + '\n'
 
 
 def _nested(values: Values) -> dict[str, Any]:

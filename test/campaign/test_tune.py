@@ -11,15 +11,17 @@ from pathlib import Path
 
 from helpers.campaigns import PAPER
 from helpers.processes import processes, ros_arguments
+from helpers.small_tree import hand_at_start, write_scenario
 from hypothesis import given
 from hypothesis import strategies as st
 import masmc_ros as masmc
 from masmc_ros.campaign.campaign import campaign_of
 from masmc_ros.campaign.part import rows
 from masmc_ros.campaign.tune import Candidate, pareto_front, searched, variables_of
-from masmc_ros.campaign.tuned_file import tuned_file
+from masmc_ros.campaign.tuned_file import BaseFile
 from masmc_ros.cli.main import main
 from masmc_ros.params.scenario import load_scenario
+from masmc_ros.params.text import yaml_text
 from masmc_ros.report.measure.metrics import metrics
 from masmc_ros.robot.two_link.paper_robot import TWO_LINK
 import numpy as np
@@ -56,9 +58,60 @@ def test_file_has_settings_and_tuned_values(settings: tuple[str, ...], tmp_path:
         campaign, [searched(f'{name}=0.00001:0.9') for name in values]
     )
     path = tmp_path / 'tuned.yaml'
-    path.write_text(tuned_file(ROBUST, settings, variables, values), encoding='utf-8')
+    path.write_text(BaseFile.read(ROBUST, settings).tuned(variables, values), encoding='utf-8')
     expected = load_scenario(ROBUST, [*settings, *(f'{n}={v!r}' for n, v in values.items())])
     assert load_scenario(str(path)) == expected
+
+
+def test_file_has_robot_of_settings(tmp_path: Path) -> None:
+    urdf = write_scenario(tmp_path, hand_at_start(), 1.0)
+    robot = load_scenario(str(urdf))['plant']
+    names = ('robot.urdf', 'robot.base', 'robot.wheels', 'robot.task')
+    settings = [f'{name}={yaml_text(robot[name])}' for name in names]
+    path = tmp_path / 'tuned.yaml'
+    path.write_text('/**: {ros__parameters: {duration: 1.0}}')
+    base = BaseFile.read(str(path), settings)
+    assert base.scenario['plant'].keys() != base.original['plant'].keys()
+    path.write_text(base.tuned((), {}), encoding='utf-8')
+    assert load_scenario(str(path)) == base.scenario
+
+
+def test_change_of_file_after_start_has_no_effect(tmp_path: Path) -> None:
+    path = tmp_path / 'robot.yaml'
+    path.write_text('/**: {ros__parameters: {duration: 1.0}}')
+    base = BaseFile.read(str(path), [])
+    path.unlink()
+    assert base.tuned((), {}).startswith('/**: {ros__parameters: {duration: 1.0}}\n')
+
+
+@pytest.mark.parametrize(
+    'content',
+    [
+        b'{"/**": {"ros__parameters": {"duration": 1.0}}}',
+        b'/**: {ros__parameters: {duration: 1.0}}\n...\n',
+        '/**: {ros__parameters: {duration: 1.0}}\n'.encode('utf-16'),
+    ],
+    ids=['braces', 'end', 'UTF-16'],
+)
+def test_file_without_place_for_blocks_is_rejected_before_search(
+    content: bytes, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / 'robot.yaml'
+    path.write_bytes(content)
+    load_scenario(str(path))
+    arguments = ['--tune', 'controller.k_s1=1:2', '--output', str(tmp_path / 'out')]
+    assert main(['tune', str(path), *arguments]) == 2
+    assert f'{path}: no block can be added below its text' in capsys.readouterr().err
+
+
+def test_search_with_large_seed_and_no_settled_error_prints_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ['--tune', 'controller.k_s1=1:2', '--set', 'duration=0.05', '--evaluations', '2']
+    metrics = ['--objective', 'end_effector_settling', '--objective', 'torque_rms']
+    options = [*arguments, *metrics, '--seed', str(2**40), '--output', str(tmp_path / 'out')]
+    assert main(['tune', PAPER, *options]) == 2
+    assert 'runs diverge, or errors do not settle' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
