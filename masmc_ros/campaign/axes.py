@@ -49,10 +49,11 @@ def _range(place: str, parts: list[str]) -> tuple[float, ...]:
         raise InputError(f'{place}: {count} values; expected at most {_MOST}')
     if is_log and start <= 0.0:
         raise InputError(f'{place}: expected LOW > 0 for a logarithmic range')
-    parts_of_range = [k / (count - 1) for k in range(1, count - 1)]
+    steps = count - 1
     if is_log:
-        return (start, *(start * (end / start) ** part for part in parts_of_range), end)
-    return (start, *(start + (end - start) * part for part in parts_of_range), end)
+        return (start, *(start * (end / start) ** (k / steps) for k in range(1, steps)), end)
+    # The product first: whole numbers stay whole.
+    return (start, *(start + (end - start) * k / steps for k in range(1, steps)), end)
 
 
 def _is_number(value: Scalar) -> bool:

@@ -27,6 +27,11 @@ def test_logarithmic_range_has_equal_ratios(low: float, ratio: float, count: int
     np.testing.assert_allclose(values, np.geomspace(low, low * ratio, count), rtol=1e-9)
 
 
+@pytest.mark.parametrize('count', [23, 50, 101])
+def test_range_of_whole_numbers_has_whole_numbers(count: int) -> None:
+    assert axis(f'plant.seed=3:{count + 2}:{count}').values == tuple(range(3, count + 3))
+
+
 def test_list_keeps_types_of_values() -> None:
     assert axis('controller.law=smc, rasmc').values == ('smc', 'rasmc')
     assert axis('plant.seed=1,2').values == (1, 2)
