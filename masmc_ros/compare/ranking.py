@@ -33,7 +33,8 @@ class Row:
     error
         RMS distance of all points together, m; infinite if most runs were lost.
     errors
-        RMS distance of each of the robot's points, m, by its key.
+        RMS distance of each of the robot's points, m, by its key; infinite if most runs were
+        lost.
     worst
         largest error of the runs, m; infinite if one was lost.
     largest
@@ -108,10 +109,9 @@ def _row(columns: Mapping[str, Sequence[float]], points: Sequence[Point]) -> Row
     def median(values: Sequence[float]) -> float:
         return float(np.median([values[k] for k in kept])) if kept and not is_lost else math.inf
 
-    has_points = not all(columns['lost'])
     return Row(
         error=median(distances),
-        errors={p.key: median(columns[f'{p.key}_rms']) for p in points if has_points},
+        errors={p.key: median(columns[f'{p.key}_rms']) for p in points},
         worst=math.inf if lost else max(distances),
         largest=median(largest),
         efforts={name: median(columns[metric.name]) for name, metric in COMPARED.items()},

@@ -113,7 +113,7 @@ def _cells(entry: Ranked, trial: str, points: Sequence[Point]) -> list[str]:
     row = entry.rows[trial]
     return [
         entry.contender.label,
-        *(_small(row.errors.get(point.key, math.inf)) for point in points),
+        *(_small(row.errors[point.key]) for point in points),
         _small(row.largest),
         *map(_effort, row.efforts.values()),
         f'{row.lost}/{row.runs}',

@@ -19,6 +19,7 @@ from masmc_ros.compare import trials as trials_module
 from masmc_ros.compare.contenders import Contender, contenders, marked
 from masmc_ros.compare.law_comparison import Comparison, comparison_of, compute
 from masmc_ros.compare.ranking import ranking
+from masmc_ros.compare.tables import rows_of
 from masmc_ros.compare.trials import (
     AS_IS,
     drawn,
@@ -116,8 +117,10 @@ def test_compare_diverged_run_counts_as_lost() -> None:
     comparison = comparison_of(PAPER, settings, 'smc', AS_IS.name, 1)
     (ranked,) = ranking(comparison, compute(comparison))
     assert ranked.rows[AS_IS.name].lost == 1
-    assert ranked.rows[AS_IS.name].errors == {}
+    assert set(ranked.rows[AS_IS.name].errors.values()) == {math.inf}
     assert math.isinf(ranked.rows[AS_IS.name].error)
+    (row,) = rows_of([ranked], [AS_IS])
+    assert [row[f'{point.key}_rms'] for point in TWO_LINK.points] == [None, None]
 
 
 def test_compare_command_writes_printed_table(
