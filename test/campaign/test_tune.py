@@ -114,6 +114,17 @@ def test_search_with_large_seed_and_no_settled_error_prints_one_line(
     assert 'runs diverge, or errors do not settle' in capsys.readouterr().err
 
 
+def test_gains_that_cannot_be_written_are_printed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / 'tuned.yaml').mkdir()
+    options = ['--tune', 'controller.k_s1=1:2', '--set', 'duration=0.05', '--evaluations', '1']
+    assert main(['tune', PAPER, *options, '--output', str(tmp_path)]) == 2
+    printed = capsys.readouterr()
+    assert 'chosen' in printed.out
+    assert 'cannot be written' in printed.err
+
+
 @pytest.mark.parametrize(
     ('arguments', 'line'),
     [

@@ -148,6 +148,17 @@ def test_compare_command_writes_printed_table(
     assert row['error'] == pytest.approx(expected, rel=1e-12)
 
 
+def test_compare_prints_results_that_cannot_be_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / 'compare.html').mkdir()
+    options = ['--laws', 'smc', '--trials', AS_IS.name, '--set', 'duration=0.05']
+    assert main(['compare', PAPER, *options, '--output', str(tmp_path)]) == 2
+    printed = capsys.readouterr()
+    assert '1  smc' in printed.out
+    assert 'cannot be written' in printed.err
+
+
 @pytest.mark.parametrize(
     ('arguments', 'line'),
     [

@@ -81,12 +81,13 @@ def run(options: argparse.Namespace) -> int:
         'compare.txt': text(ranked, trials, points),
         'compare.json': data,
     }
-    make_folder(folder)
-    for name, content in contents.items():
-        write_file(folder / name, content.encode())
-    if options.json:
-        print(data, end='')
-    else:
-        print(text(ranked, trials, points, WIDTH))
+    try:
+        make_folder(folder)
+        for name, content in contents.items():
+            write_file(folder / name, content.encode())
+    finally:
+        # The results are not lost if they cannot be written, such as on a full disk.
+        print(data if options.json else text(ranked, trials, points, WIDTH) + '\n', end='')
+    if not options.json:
         print(f'report: {folder}/ ({", ".join(contents)})')
     return 0

@@ -109,15 +109,18 @@ def run(options: argparse.Namespace) -> int:
             )
         )  # fmt: skip
         figure = png(front_figure(everything, front, chosen, start, label(first), label(second)))
-    make_folder(folder)
     contents = {
         'tuned.yaml': tuned.text.encode(),
         'front.csv': _table(result.front, names, objectives).encode(),
         'front.png': figure,
     }
-    for name, content in contents.items():
-        write_file(folder / name, content)
-    print(_text(result, names, objectives))
+    try:
+        make_folder(folder)
+        for name, content in contents.items():
+            write_file(folder / name, content)
+    finally:
+        # The gains are not lost if they cannot be written, such as on a full disk.
+        print(_text(result, names, objectives))
     print(f'results: {folder}/ ({", ".join(contents)})')
     return 0
 
