@@ -31,6 +31,8 @@ _LABELS = 6
 """Largest number of labels of an axis, roughly."""
 _COLUMNS = 3
 _SHOWN = 20_000
+_LARGEST = 1e100
+"""Largest number in figures, of runs that almost diverged; scales of Matplotlib overflow later."""
 
 
 class MapAxis(NamedTuple):
@@ -55,6 +57,7 @@ def map_figure(axes: Sequence[MapAxis], values: Array, label: str) -> Figure:
         Name and unit of the metric.
 
     """
+    values = _drawable(values)
     further = tuple(range(2, values.ndim))
     if further:
         label = f'{label}, median over {", ".join(axis.name for axis in axes[2:])}'
@@ -91,7 +94,7 @@ def draws_figure(
     Of more than _SHOWN runs the first ones are drawn.
     """
     drawn = {name: numbers[:_SHOWN] for name, numbers in drawn.items()}
-    values, lost = values[:_SHOWN], lost[:_SHOWN]
+    values, lost = _drawable(values[:_SHOWN]), lost[:_SHOWN]
     columns = min(_COLUMNS, len(drawn))
     rows = math.ceil(len(drawn) / columns)
     figure = new_figure(PAGE if columns > 1 else COLUMN, _HEIGHT * 0.8 * rows)
@@ -130,6 +133,7 @@ def front_figure(
         Names and units of the objectives.
 
     """
+    candidates, front, chosen, start = map(_drawable, (candidates, front, chosen, start))
     figure = new_figure(COLUMN, _HEIGHT)
     drawing = figure.add_subplot()
     drawing.plot(*candidates.T, '.', color=GREY, markersize=2.0, label='candidates')
@@ -160,6 +164,11 @@ def _ticks(drawing: Axes, direction: str, axis: MapAxis) -> None:
 
 def _text(value: object) -> str:
     return f'{value:.4g}' if isinstance(value, float) else plain(str(value))
+
+
+def _drawable(values: Array) -> Array:
+    """Return values, NaN for those that no scale can show."""
+    return np.where(np.abs(values) <= _LARGEST, values, np.nan)
 
 
 def _spans_decades(values: Array) -> bool:
