@@ -5,15 +5,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from masmc_ros.api.scenario import load, Scenario
+from masmc_ros.api.settings import whole
 from masmc_ros.campaign.axes import axis
 from masmc_ros.campaign.campaign import Campaign, campaign_of
 from masmc_ros.campaign.draws import draw as parsed_draw
 from masmc_ros.campaign.engine import carry_out
+from masmc_ros.errors import InputError
 from masmc_ros.params.declaration import Values
 from masmc_ros.params.text import yaml_text
 import pyarrow as pa
@@ -73,10 +75,10 @@ def sweep(
     campaign = campaign_of(
         loaded.file,
         loaded.settings,
-        axes=[axis(f'{name}={_text(entries)}') for name, entries in vary.items()],
+        axes=[axis(f'{name}={_text(name, entries)}') for name, entries in vary.items()],
         draws=[parsed_draw(f'{name}={text}') for name, text in (draw or {}).items()],
-        repeats=runs,
-        seed=seed,
+        repeats=whole('runs', runs, 1),
+        seed=whole('seed', seed),
         sobol=sobol,
     )
     return _table(campaign, output, threads, scheduler)
@@ -123,13 +125,18 @@ def monte_carlo(
     )  # fmt: skip
 
 
-def _text(entries: str | Sequence[object]) -> str:
-    return entries if isinstance(entries, str) else ','.join(map(yaml_text, entries))
+def _text(name: str, entries: str | Sequence[object]) -> str:
+    if isinstance(entries, str):
+        return entries
+    if not isinstance(entries, Iterable):
+        raise InputError(f'vary: {name} = {entries!r}: expected a list of values, or a text')
+    return ','.join(map(yaml_text, entries))
 
 
 def _table(
     campaign: Campaign, output: str | Path | None, threads: int, scheduler: str
 ) -> pa.Table:
+    threads = whole('threads', threads)
     progress = tqdm(total=campaign.total, unit='run', disable=None)
     with TemporaryDirectory() as temporary, progress:
         dataset = carry_out(

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from masmc_ros.api.scenario import load, Scenario
+from masmc_ros.api.settings import whole
 from masmc_ros.compare.law_comparison import comparison_of, compute
 from masmc_ros.compare.ranking import ranking
 from masmc_ros.compare.tables import rows_of
@@ -57,8 +58,9 @@ def compare_laws(
     """
     loaded = load(scenario, settings, **values)
     comparison = comparison_of(
-        loaded.file, loaded.settings, _text(laws), _text(trials), seeds
+        loaded.file, loaded.settings, _text(laws), _text(trials), whole('seeds', seeds, 1)
     )
+    threads = whole('threads', threads)
     with tqdm(total=comparison.total, unit='run', disable=None) as progress:
         rows = compute(
             comparison, threads=threads, scheduler=scheduler, advance=progress.update

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from masmc_ros.aliases import Array, Flags
 from masmc_ros.api.scenario import load, Scenario
+from masmc_ros.api.settings import whole
 from masmc_ros.campaign.campaign import Campaign, campaign_of
 from masmc_ros.campaign.draws import draw as parsed_draw
 from masmc_ros.campaign.part import metric_columns
@@ -152,8 +153,7 @@ class Episodes:
             if a name is unknown or a value out of range.
 
         """
-        if isinstance(count, bool) or not isinstance(count, int) or count < 1:
-            raise InputError(f'num_envs = {count!r}: expected a whole number >= 1')
+        count = whole('num_envs', count, 1)
         loaded = load(scenario, settings, **values)
         self._campaign = campaign_of(
             loaded.file,

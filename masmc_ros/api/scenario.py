@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+import shlex
 
 from masmc_ros.api.settings import settings_of
 from masmc_ros.params.declaration import Values
@@ -45,7 +46,8 @@ class Scenario:
 
     def __repr__(self) -> str:
         """Return the arguments of `masmc simulate` for the scenario."""
-        return ' '.join([self.file, *(f'--set {text}' for text in self.settings)])
+        settings = (f'--set {shlex.quote(text)}' for text in self.settings)
+        return ' '.join([shlex.quote(self.file), *settings])
 
 
 def load(

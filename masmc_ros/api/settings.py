@@ -12,6 +12,7 @@ from masmc_ros.params.node_parameters import declared, shared
 from masmc_ros.params.text import yaml_text
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.mechanisms import mechanism_from
+import numpy as np
 
 _NODES = ('controller', 'plant', 'trajectory')
 
@@ -40,6 +41,15 @@ def settings_of(
     mechanism = mechanism_from({**read(file).for_node('plant'), **(settings or {})})
     named = {_full_name(name.replace('__', '.'), mechanism): v for name, v in values.items()}
     return [f'{name}={yaml_text(value)}' for name, value in {**(settings or {}), **named}.items()]
+
+
+def whole(name: str, value: object, least: int = 0) -> int:
+    """Return the value of an argument; InputError if it is no whole number >= `least`."""
+    if isinstance(value, int | np.integer) and not isinstance(value, bool):
+        number = int(value)
+        if number >= least:
+            return number
+    raise InputError(f'{name} = {value!r}: expected a whole number >= {least}')
 
 
 def _full_name(name: str, mechanism: Mechanism) -> str:

@@ -10,11 +10,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from masmc_ros.api.scenario import load, Scenario
+from masmc_ros.api.settings import whole
 from masmc_ros.campaign.campaign import campaign_of
 from masmc_ros.campaign.draws import draw as parsed_draw
 from masmc_ros.campaign.summary import metric_named
 from masmc_ros.campaign.threads import processors
-from masmc_ros.campaign.tune import Evaluation, searched, tuned, Tuning, variables_of
+from masmc_ros.campaign.tune import Evaluation, FORM, searched, tuned, Tuning, variables_of
 from masmc_ros.campaign.tuned_file import BaseFile
 from masmc_ros.campaign.variable import Variable
 from masmc_ros.errors import InputError
@@ -139,17 +140,19 @@ def tune(
         if a name is unknown or a value out of range.
 
     """
+    if not 0.0 <= percentile <= 100.0:
+        raise InputError(f'percentile = {percentile!r}: expected a number in [0, 100]')
     return search(
         load(scenario, settings, **values),
         [f'{name}={text}' for name, text in ranges.items()],
         [f'{name}={text}' for name, text in (draw or {}).items()],
-        runs=runs,
+        runs=whole('runs', runs, 1),
         objectives=objectives,
         percentile=percentile,
-        evaluations=evaluations,
-        seed=seed,
+        evaluations=whole('evaluations', evaluations, 1),
+        seed=whole('seed', seed),
         sobol=sobol,
-        threads=threads,
+        threads=whole('threads', threads),
     )
 
 
@@ -175,8 +178,11 @@ def search(
     )  # fmt: skip
     searches = [searched(text) for text in ranges]
     variables = variables_of(campaign, searches)
-    if len(objectives) != 2:
-        raise InputError(f'--objective: {len(objectives)} given; expected two')
+    if not ranges:
+        raise InputError(f'--tune: no parameter to search; expected {FORM}')
+    if isinstance(objectives, str) or len(objectives) != 2:
+        count = 1 if isinstance(objectives, str) else len(objectives)
+        raise InputError(f'--objective: {count} given; expected two')
     first, second = (metric_named(campaign, name, '--objective') for name in objectives)
     evaluate = Evaluation(
         list(campaign.runs(0, campaign.total)),

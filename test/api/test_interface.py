@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+import shlex
 import subprocess
 import sys
+from typing import Any
 
 from helpers.campaigns import PAPER
 from helpers.small_tree import hand_at_start, write_scenario
@@ -51,6 +53,8 @@ def test_load_changes_values_of_a_scenario() -> None:
     assert repr(scenario) == (
         f'{scenario.file} --set plant.robot.link_2_mass=1.2 --set controller.k_s1=150'
     )
+    spaced = masmc.load('paper', k_s1=[1.0, 2.0, 3.0, 4.0])
+    assert shlex.split(repr(spaced))[1:] == ['--set', 'controller.k_s1=[1.0, 2.0, 3.0, 4.0]']
     with pytest.raises(InputError, match='k_s1'):
         masmc.load('paper', k_s1=-1.0)
     with pytest.raises(InputError, match='papr: no such file'):
@@ -80,6 +84,33 @@ def test_unknown_name_raises() -> None:
     with pytest.raises(AttributeError, match="no attribute 'simulat'"):
         # The misspelt name is the subject of the test.
         _ = masmc.simulat  # type: ignore[attr-defined]
+
+
+GAINS = {'controller.k_s1': '20:200'}
+MASSES = {'plant.robot.link_2_mass': 'uniform:0.6:1.4'}
+
+
+@pytest.mark.parametrize(
+    ('call', 'arguments', 'message'),
+    [
+        (masmc.sweep, {'vary': {'controller.k_s1': 50.0}}, 'k_s1 = 50.0: expected a list of'),
+        (masmc.monte_carlo, {'draw': MASSES, 'runs': 0}, 'runs = 0: expected a whole number >= 1'),
+        (masmc.monte_carlo, {'draw': MASSES, 'runs': 2.0}, 'runs = 2.0: expected a whole number'),
+        (masmc.monte_carlo, {'draw': MASSES, 'seed': -1}, 'seed = -1: expected a whole number'),
+        (masmc.monte_carlo, {'draw': MASSES, 'threads': -1}, 'threads = -1: expected'),
+        (masmc.compare_laws, {'laws': 'smc', 'seeds': 0}, 'seeds = 0: expected'),
+        (masmc.compare_laws, {'laws': 'smc', 'threads': True}, 'threads = True: expected'),
+        (masmc.tune, {'ranges': {}}, 'no parameter to search'),
+        (masmc.tune, {'ranges': GAINS, 'evaluations': 0}, 'evaluations = 0: expected'),
+        (masmc.tune, {'ranges': GAINS, 'percentile': 101}, r'percentile = 101: .* in \[0, 100\]'),
+        (masmc.tune, {'ranges': GAINS, 'objectives': 'torque_rms'}, '1 given; expected two'),
+    ],
+)
+def test_invalid_argument_raises_one_line(
+    call: Any, arguments: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        call(PAPER, **arguments, duration=0.1)
 
 
 def test_import_of_package_imports_no_interface() -> None:
