@@ -93,10 +93,9 @@ class Comparison(Description):
     def _scenario(self, point: int) -> Scenario:
         """Return the scenario of a contender in a trial; the trials are faster."""
         contender, trial = divmod(point, len(self.trials))
-        limits = self.scenario['controller']['torque_limit']
         settings = (
             *self.contenders[contender].settings,
-            *self.trials[trial].settings_for(self.mechanism, limits),
+            *self.trials[trial].settings_for(self.mechanism, self.scenario['controller']),
         )
         scenario = {node: dict(values) for node, values in self.scenario.items()}
         for setting in settings:
@@ -135,7 +134,7 @@ def comparison_of(
             ' effort'
         )
     mechanism = mechanism_from(scenario['plant'])
-    named = tuple(trial for trial in trials_named(trials) if trial.suits(mechanism))
+    named = trials_named(trials, mechanism)
     chosen = contenders(laws, mechanism, controller['switching'])
     if not sets_observer(named):
         chosen = marked(chosen, controller)

@@ -5,15 +5,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 import math
 
-from masmc_ros.aliases import Numbers
 from masmc_ros.compare import hardware
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.law.reaching.implicit import OBSERVER_GAIN
-from masmc_ros.params.declaration import MutableValues
+from masmc_ros.params.declaration import MutableValues, Values
 from masmc_ros.robot.declaration import Mechanism
 import numpy as np
 
@@ -48,7 +47,9 @@ class Trial:
     needs_base: bool = False
     benchmark: str = ''
 
-    def settings_for(self, mechanism: Mechanism, limits: Numbers = ()) -> tuple[str, ...]:
+    def settings_for(
+        self, mechanism: Mechanism, controller: Values | None = None
+    ) -> tuple[str, ...]:
         """
         Return the settings for a robot.
 
@@ -56,28 +57,30 @@ class Trial:
         ----------
         mechanism
             Its type, with the limits of its drives.
-        limits
-            Torque limits (joints) of the scenario for drives whose limit is unknown, N·m; empty
-            for none.
+        controller
+            Values of the controller; its limits apply to drives whose limit is unknown.
 
         """
+        torques = mechanism.default('torque_limit', 'joints')
         drives = {
-            name: list(mechanism.default(name, 'joints'))
+            name: _known(mechanism.default(name, 'joints'), (controller or {}).get(name))
             for name in ('torque_limit', 'torque_rate_limit')
         }
-        torques = drives['torque_limit']
         drives['stiction'] = [_STICTION * torque for torque in torques]
-        own = limits or (0.0,) * len(torques)
-        drives['usable_torque'] = [
-            _USABLE * torque if torque > 0.0 else limit
-            for torque, limit in zip(torques, own, strict=True)
-        ]
+        usable = [_USABLE * torque for torque in torques]
+        drives['usable_torque'] = _known(usable, drives['torque_limit'])
         payload = _LOADED * _strongest(mechanism) / _GRAVITY
         return tuple(setting.format(**drives, payload=payload) for setting in self.settings)
 
     def suits(self, mechanism: Mechanism) -> bool:
         """Return True if a robot can run the trial."""
         return bool(mechanism.twist) or not self.needs_base
+
+
+def _known(limits: Sequence[float], others: Sequence[float] | None) -> list[float]:
+    """Return the limits of drives; for unknown ones, which are 0, those of `others`."""
+    pairs = zip(limits, others or limits, strict=True)
+    return [limit if limit > 0.0 else other for limit, other in pairs]
 
 
 def _strongest(mechanism: Mechanism) -> float:
@@ -157,19 +160,22 @@ def sets_observer(trials: Iterable[Trial]) -> bool:
     return any(setting.startswith(f'controller.{OBSERVER_GAIN.name}=') for setting in settings)
 
 
-def trials_named(names: str) -> tuple[Trial, ...]:
+def trials_named(names: str, mechanism: Mechanism) -> tuple[Trial, ...]:
     """
-    Return trials by their names, separated by commas.
+    Return the trials of a robot by their names, separated by commas.
 
-    `all`, `laws` and `hardware` are groups of trials. Raises InputError for an unknown name.
+    `all`, `laws` and `hardware` are groups of trials, of which the suitable ones are returned.
+    Raises InputError for a name that is unknown or does not suit the robot.
     """
     known = {trial.name: trial for trial in (*TRIALS, *HARDWARE)}
     if names in _GROUPS:
-        return _GROUPS[names]
+        return tuple(trial for trial in _GROUPS[names] if trial.suits(mechanism))
     selected = []
     for name in map(str.strip, names.split(',')):
         if name not in known:
             raise InputError(f"--trials: '{name}' is unknown; {suggestion(name, known)}")
+        if not known[name].suits(mechanism):
+            raise InputError(f"--trials: '{name}' needs a driven base, which the robot lacks")
         selected.append(known[name])
     return tuple(dict.fromkeys((AS_IS, *selected)))
 
@@ -184,9 +190,9 @@ def drawn(
     """
     Return a scenario with a true robot, disturbance and noise that are drawn by a seed.
 
-    Seed 0 is the unmodified scenario. Otherwise masses and inertias of the robot, unknown to the
-    controller, are multiplied by 0.6 to 1.4, amplitudes of the disturbance by 0.5 to 1.5; phases
-    are uniformly distributed.
+    Seed 0 is the unmodified scenario. Otherwise masses and inertias among the parameters of the
+    robot, unknown to the controller, are multiplied by 0.6 to 1.4, amplitudes of the disturbance
+    by 0.5 to 1.5; phases are uniformly distributed. Masses of a URDF are no parameters.
     """
     if seed == 0:
         return scenario

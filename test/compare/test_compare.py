@@ -192,12 +192,12 @@ def test_compare_all_selects_every_law_and_trial() -> None:
     others = contenders('all', TWO_LINK, 'implicit')
     assert [c.switching for c in others if c.law == 'rasmc'] == ['', 'tanh']
     assert [c for c in others if c.law == 'pid'] == [Contender('pid')]
-    assert trials_named('all') == TRIALS
-    assert trials_named('delay')[0] is AS_IS
+    assert trials_named('all', TWO_LINK) == TRIALS
+    assert trials_named('delay', TWO_LINK)[0] is AS_IS
 
 
 def test_trials_of_laws_vary_period_limits_and_observer() -> None:
-    trials = trials_named('laws')
+    trials = trials_named('laws', TWO_LINK)
     assert len({trial.settings_for(TWO_LINK) for trial in trials}) == len(trials) == 12
     scenarios = [load_scenario(PAPER, trial.settings_for(TWO_LINK)) for trial in trials]
     assert {s['plant']['control_period'] for s in scenarios} == {0.001, 0.002, 0.01}
@@ -215,7 +215,7 @@ def test_hardware_conditions_of_version_are_fixed() -> None:
 
 
 def test_hardware_trials_load_with_effects_that_differ() -> None:
-    trials = trials_named('hardware')
+    trials = trials_named('hardware', TWO_LINK)
     assert {trial.benchmark for trial in trials} == {'hardware 1'}
     assert len({trial.name for trial in trials}) == len(trials)
     assert not {trial.name for trial in trials} & {trial.name for trial in TRIALS}
@@ -234,9 +234,22 @@ def test_hardware_trials_load_with_effects_that_differ() -> None:
 
 def test_hardware_trials_of_fixed_robot_have_no_base() -> None:
     fixed = replace(TWO_LINK, twist=())
-    trials = trials_named('hardware')
-    unsuitable = [trial.name for trial in trials if not trial.suits(fixed)]
-    assert unsuitable == ['hybrid', 'slip']
+    names = [trial.name for trial in trials_named('hardware', fixed)]
+    assert [trial.name for trial in HARDWARE if trial.name not in names] == ['hybrid', 'slip']
+    with pytest.raises(InputError, match="'slip' needs a driven base"):
+        trials_named('slip', fixed)
+
+
+def test_limits_of_file_stay_for_drives_without_known_limits() -> None:
+    """A trial with limits would otherwise remove those of the scenario."""
+    controller = {'torque_limit': (1.0, 2.0, 3.0, 4.0), 'torque_rate_limit': (5.0, 6.0, 7.0, 8.0)}
+    unknown = {**TWO_LINK.defaults, **dict.fromkeys(controller, (0.0,) * 4)}
+    for trial in ('limits', 'torque limits'):
+        settings = trials_named(trial, TWO_LINK)[-1].settings_for(
+            replace(TWO_LINK, defaults=unknown), controller
+        )
+        values = load_scenario(PAPER, settings)['controller']
+        assert {name: values[name] for name in controller} == controller
 
 
 @pytest.mark.slow
