@@ -18,7 +18,7 @@ from typing import Any, NamedTuple, TypeVar
 from masmc_ros.aliases import Array, Flags
 from masmc_ros.api.scenario import load, Scenario
 from masmc_ros.api.settings import whole
-from masmc_ros.campaign.campaign import Campaign, campaign_of
+from masmc_ros.campaign.campaign import Campaign, campaign_of, MOST_RUNS
 from masmc_ros.campaign.draws import draw as parsed_draw
 from masmc_ros.campaign.part import metric_columns
 from masmc_ros.campaign.runs import LANES
@@ -41,9 +41,6 @@ DEFAULT_TORQUE = 50.0
 
 _OF_ALL = ('control_period', 'duration', 'integrator_step')
 """Parameters of the plant that are equal in all episodes."""
-
-_RUNS = 2**40
-"""Number of different episodes of a seed."""
 
 _SEEDS = 2**32
 
@@ -159,7 +156,7 @@ class Episodes:
             loaded.file,
             loaded.settings,
             draws=[parsed_draw(f'{name}={text}') for name, text in (draw or {}).items()],
-            repeats=_RUNS,
+            repeats=MOST_RUNS,
         )
         for variable in self._campaign.variables:
             _check_variable(variable)

@@ -35,6 +35,9 @@ SEED = 'plant.seed'
 
 _SEEDS = 2**32
 
+MOST_RUNS = 2**40
+"""Largest number of runs."""
+
 
 @dataclass(frozen=True, eq=False)
 class Campaign(Description):
@@ -201,6 +204,8 @@ def campaign_of(
     campaign = Campaign(
         file, tuple(settings), values, tuple(axes), tuple(draws), repeats, seed, sobol
     )
+    if campaign.total > MOST_RUNS:
+        raise InputError(f'{campaign.total} runs; expected at most {MOST_RUNS}')
     check_distinct(campaign.variables)
     names = [variable.name for variable in campaign.variables]
     if SEED in names and repeats > 1 and not any(draw.name == SEED for draw in draws):

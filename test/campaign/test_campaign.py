@@ -121,6 +121,8 @@ def test_key_depends_on_every_part_of_description() -> None:
         (['sweep', '--vary', 'plant.wait_for=a,b'], 'wait_for is a text'),
         (['sweep', '--vary', 'plant.initial_joints[4]=1,2'], 'expected an index < 4'),
         (['sweep', '--vary', 'controller.law[0]=smc'], 'expected no index'),
+        (['sweep', '--vary', 'controller.k_s1=1,2', '--runs', str(2**40)],
+         '2199023255552 runs; expected at most'),
         (['sweep', '--vary', 'plant.seed=1,2', '--runs', '2'], 'already differs'),
         (['sweep', '--vary', 'controller.k_s1=1,2', '--metric', 'rms'], "'rms' is unknown"),
         (['monte-carlo', '--draw', 'robot.link_2_mass=uniform:-0.1:1'],
