@@ -11,6 +11,7 @@ scheduler gives the parts of a worker that has died to another one.
 from __future__ import annotations
 
 from collections.abc import Generator, Iterable
+from concurrent.futures import CancelledError
 from importlib.metadata import version
 from itertools import islice
 import platform
@@ -99,7 +100,11 @@ class Cluster:
     def computed(
         self, campaign: Description, parts: Iterable[Part]
     ) -> Generator[Rows, None, None]:
-        """Yield the rows of parts (first run, number of runs) in the order of completion."""
+        """
+        Yield the rows of parts (first run, number of runs) in the order of completion.
+
+        Raises InputError if a part kills several workers, or if the scheduler ends.
+        """
         waiting, client = iter(parts), self._client
 
         def submitted(count: int) -> list[Future]:
@@ -123,6 +128,11 @@ class Cluster:
                 raise InputError(
                     f'a part of the campaign has killed several workers: {error}; expected enough '
                     'memory on each worker'
+                ) from None
+            except CancelledError as error:
+                raise InputError(
+                    f'the connection to the Dask scheduler was lost ({error}); expected one that '
+                    'runs until the end'
                 ) from None
             running.update(submitted(1))
             yield rows

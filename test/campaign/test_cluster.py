@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+import json
 import os
 from pathlib import Path
 import signal
@@ -14,7 +15,7 @@ import subprocess
 import sys
 import time
 
-from distributed import LocalCluster
+from distributed import Client, LocalCluster
 from helpers.campaigns import assert_equal, campaign_with, DRAWS, PAPER, SETTINGS
 import masmc_ros
 from masmc_ros.campaign.dataset import arrays, Dataset
@@ -22,6 +23,7 @@ from masmc_ros.campaign.engine import carry_out
 from masmc_ros.campaign.part import rows
 from masmc_ros.cli.main import main
 from masmc_ros.compare.law_comparison import comparison_of, compute
+from masmc_ros.errors import InputError
 import pytest
 
 pytestmark = pytest.mark.slow
@@ -92,6 +94,35 @@ def test_killed_coordinator_continues_on_the_same_cluster(tmp_path: Path) -> Non
     assert {path: path.stat().st_mtime_ns for path in known} == known
     campaign = campaign_with(total)
     assert_equal(arrays(Dataset(folder / 'runs', campaign).table()), rows(campaign, 0, total))
+
+
+def test_end_of_scheduler_prints_one_line(tmp_path: Path) -> None:
+    with subprocess.Popen(
+        [sys.executable, '-m', 'distributed.cli.dask_scheduler', '--host', '127.0.0.1',
+         '--port', '0', '--no-dashboard', '--scheduler-file', str(tmp_path / 'scheduler.json')],
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    ) as scheduler:  # fmt: skip
+        try:
+            while not (tmp_path / 'scheduler.json').exists():
+                time.sleep(0.05)
+            address = json.loads((tmp_path / 'scheduler.json').read_text())['address']
+            command = [sys.executable, '-m', 'distributed.cli.dask_worker', address]
+            with subprocess.Popen(
+                [*command, '--no-nanny', '--no-dashboard', '--death-timeout', '20'],
+                stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+            ) as worker:  # fmt: skip
+                try:
+                    with Client(address) as client:
+                        client.wait_for_workers(1, timeout=60)
+                    with pytest.raises(InputError, match='connection to the Dask scheduler was'):
+                        carry_out(
+                            campaign_with(64_000), tmp_path / 'out', scheduler=address,
+                            advance=lambda count: scheduler.kill() if count else None,
+                        )  # fmt: skip
+                finally:
+                    worker.kill()
+        finally:
+            scheduler.kill()
 
 
 def test_comparison_on_cluster_has_rows_of_threads() -> None:
