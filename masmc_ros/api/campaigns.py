@@ -23,7 +23,7 @@ from tqdm import tqdm
 
 
 def sweep(
-    scenario: str | Scenario,
+    scenario: str | Path | Scenario,
     vary: Mapping[str, str | Sequence[object]],
     *,
     draw: Mapping[str, str] | None = None,
@@ -85,7 +85,7 @@ def sweep(
 
 
 def monte_carlo(
-    scenario: str | Scenario,
+    scenario: str | Path | Scenario,
     draw: Mapping[str, str],
     *,
     runs: int = 1000,

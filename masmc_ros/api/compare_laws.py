@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 from masmc_ros.api.scenario import load, Scenario
 from masmc_ros.api.settings import whole
@@ -18,7 +19,7 @@ from tqdm import tqdm
 
 
 def compare_laws(
-    scenario: str | Scenario = 'paper',
+    scenario: str | Path | Scenario = 'paper',
     laws: str | Sequence[str] = 'all',
     *,
     trials: str | Sequence[str] = 'all',

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 import math
+from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from masmc_ros.aliases import Array, Flags
@@ -116,7 +117,7 @@ class Episodes:
     def __init__(
         self,
         count: int,
-        scenario: str | Scenario,
+        scenario: str | Path | Scenario,
         *,
         draw: Mapping[str, str] | None = None,
         settings: Values | None = None,

@@ -11,6 +11,7 @@ docs/guides/learning.md describes observation, action, reward and episodes.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from gymnasium import Env, register
@@ -40,7 +41,7 @@ class MobileManipulator(Env[Array, Array]):
     # Gymnasium declares no class variable.
     metadata: dict[str, object] = {'render_modes': []}  # noqa: RUF012
 
-    def __init__(self, scenario: str | Scenario = 'paper', **options: Any) -> None:
+    def __init__(self, scenario: str | Path | Scenario = 'paper', **options: Any) -> None:
         """Initialise the environment; see `Episodes` for the options and errors."""
         self.episodes = Episodes(1, scenario, **options)
         self.observation_space, self.action_space = _spaces(self.episodes)
@@ -83,7 +84,7 @@ class MobileManipulators(VectorEnv[Array, Array, AnyArray]):
     }
 
     def __init__(
-        self, num_envs: int = 1, scenario: str | Scenario = 'paper', **options: Any
+        self, num_envs: int = 1, scenario: str | Path | Scenario = 'paper', **options: Any
     ) -> None:
         """Initialise `num_envs` robots; see `Episodes` for the options and errors."""
         self.episodes = Episodes(num_envs, scenario, **options)

@@ -8,6 +8,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+import os
+from pathlib import Path
 import shlex
 
 from masmc_ros.api.settings import settings_of
@@ -51,7 +53,7 @@ class Scenario:
 
 
 def load(
-    scenario: str | Scenario = 'paper', settings: Values | None = None, **values: object
+    scenario: str | Path | Scenario = 'paper', settings: Values | None = None, **values: object
 ) -> Scenario:
     """
     Return a scenario with changed values.
@@ -71,7 +73,10 @@ def load(
         if there is no such file, a name is unknown or a value is out of range.
 
     """
-    changed = scenario if isinstance(scenario, Scenario) else Scenario(scenario_file(scenario))
+    if isinstance(scenario, Scenario):
+        changed = scenario
+    else:
+        changed = Scenario(scenario_file(os.fspath(scenario)))
     new = settings_of(changed.file, settings, values)
     loaded = Scenario(changed.file, (*changed.settings, *new))
     _ = loaded.values

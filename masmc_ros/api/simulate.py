@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
 from masmc_ros.aliases import Array
@@ -132,7 +133,7 @@ class SimulatedRun:
 
 
 def simulate(
-    scenario: str | Scenario = 'paper', settings: Values | None = None, **values: object
+    scenario: str | Path | Scenario = 'paper', settings: Values | None = None, **values: object
 ) -> SimulatedRun:
     """
     Compute a run, as `masmc simulate` does.

@@ -93,7 +93,7 @@ class TunedScenario:
 
 
 def tune(
-    scenario: str | Scenario,
+    scenario: str | Path | Scenario,
     ranges: Mapping[str, str],
     *,
     draw: Mapping[str, str] | None = None,

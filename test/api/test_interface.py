@@ -55,6 +55,7 @@ def test_load_changes_values_of_a_scenario() -> None:
     )
     spaced = masmc.load('paper', k_s1=[1.0, 2.0, 3.0, 4.0])
     assert shlex.split(repr(spaced))[1:] == ['--set', 'controller.k_s1=[1.0, 2.0, 3.0, 4.0]']
+    assert masmc.load(Path(PAPER)) == masmc.load(PAPER)
     with pytest.raises(InputError, match='k_s1'):
         masmc.load('paper', k_s1=-1.0)
     with pytest.raises(InputError, match='papr: no such file'):
