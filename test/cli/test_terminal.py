@@ -183,6 +183,8 @@ def same(log: Path, tmp_path: Path) -> Path:
         ('report', 'parts', '--output', 'parts'),
         ('export', 'run.mcap', '--overwrite', '--output', '.'),
         ('export', 'parts', '--output', 'parts'),
+        ('layout', 'run.mcap', '--output', 'run.csv'),
+        ('layout', 'paper.yaml', '--output', 'paper.yaml'),
     ],
 )
 def test_masmc_output_is_input_rejected_before_reading(

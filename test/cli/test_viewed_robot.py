@@ -12,10 +12,14 @@ from typing import Any
 from helpers.small_tree import parameters
 from masmc_ros.cli.commands.layout import layout_for, mechanism_of
 from masmc_ros.cli.main import main
+from masmc_ros.log.write.writer import LogWriter
 from masmc_ros.messages.definitions import definition
+from masmc_ros.messages.joint_state import JointStateCdr
+from masmc_ros.messages.parameter_record import ParameterRecord
 from masmc_ros.messages.string_message import string_message, text_of
 from masmc_ros.robot.declaration import Mechanism
-from masmc_ros.robot.mechanisms import DEFAULT
+from masmc_ros.robot.joint_names import joint_names_of
+from masmc_ros.robot.mechanisms import DEFAULT, mechanism_from
 from masmc_ros.robot.meshes import mesh_files
 from masmc_ros.robot.urdf import read_urdf
 from mcap.reader import make_reader
@@ -157,6 +161,20 @@ def test_view_log_without_meshes_served_unmodified(tmp_path: Path) -> None:
         writer.finish()
     with viewing(log) as served:
         assert ask(served.url)[1] == log.read_bytes()
+
+
+def test_layout_log_without_plant_is_that_of_controller(tmp_path: Path) -> None:
+    """The log of a robot has no simulated plant."""
+    log = tmp_path / 'robot.mcap'
+    values = parameters()
+    expected = mechanism_from(values)
+    record = ParameterRecord('/controller', 0, 0, values, ())
+    with LogWriter(log) as writer:
+        states = writer.channel('/joint_states', 'sensor_msgs/msg/JointState')
+        channel = writer.channel('/controller/parameters', 'std_msgs/msg/String')
+        writer.write(channel, 0, string_message(record.to_text()))
+        writer.write(states, 0, JointStateCdr(joint_names_of(expected)).to_bytes())
+    assert layout_for(mechanism_of(str(log))) == layout_for(expected) != STATIC
 
 
 def test_layout_log_without_robot_one_error_line(

@@ -14,6 +14,7 @@ from typing import Any
 from masmc_ros.cli.arguments import add_file
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import is_log, read_run
+from masmc_ros.log.recover.overlap import check_apart
 from masmc_ros.messages.names import COMMAND_TOPIC, STATE_TOPIC, telemetry_topic
 from masmc_ros.messages.telemetry import STAMP_NUMBERS
 from masmc_ros.output_files import write_file
@@ -54,18 +55,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Write the layout for the robot of a parameter file or a log."""
     path = Path(options.output)
+    check_apart([path], [scenario_file(options.file)])
     write_layout(mechanism_of(options.file), path)
     print(f'{path}: in Foxglove, Layouts > Import from file')
     return 0
 
 
 def mechanism_of(source: str) -> Mechanism:
-    """Return the mechanism of a parameter file, or of the parameters in a log."""
+    """
+    Return the mechanism of a parameter file, or of the parameters in a log.
+
+    The log of a robot has no simulated plant: the parameters of its controller describe it.
+    """
     if is_log(Path(source)):
-        parameters = read_run(source).parameters
-        if 'plant' not in parameters:
-            raise InputError(f'{source}: no parameters of the plant, which describe the robot')
-        return mechanism_from(parameters['plant'])
+        run = read_run(source)
+        if run.parameters.keys().isdisjoint(('plant', 'controller')):
+            raise InputError(
+                f'{source}: no parameters of the plant or the controller, which describe the robot'
+            )
+        return run.mechanism
     return mechanism_from(load_scenario(scenario_file(source))['plant'])
 
 
