@@ -342,6 +342,23 @@ def test_masmc_invalid_or_truncated_log_one_error_line(
     assert ('truncated' in line) == content.startswith(b'\x89')
 
 
+@pytest.mark.parametrize('encoding', ['ascii', 'utf-8'])
+def test_masmc_characters_unknown_to_output_are_escaped(
+    log: Path, tmp_path: Path, encoding: str
+) -> None:
+    name = tmp_path / 'δ\udcff.mcap'
+    name.write_bytes(log.read_bytes())
+    result = subprocess.run(
+        [sys.executable, '-m', 'masmc_ros.cli.main', 'recover', str(name)],
+        env={
+            **os.environ, 'PYTHONIOENCODING': encoding, 'PYTHONPATH': os.pathsep.join(sys.path),
+        },
+        capture_output=True, timeout=PATIENCE, check=False,
+    )  # fmt: skip
+    assert (result.returncode, result.stderr) == (0, b'')
+    assert rb'\udcff.mcap: is complete' in result.stdout
+
+
 def test_masmc_alone_prints_its_help(capsys: pytest.CaptureFixture[str]) -> None:
     assert main([]) == 0
     printed, error = capsys.readouterr()

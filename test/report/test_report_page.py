@@ -381,6 +381,13 @@ def test_report_page_any_file_name_is_shown(name: str) -> None:
     assert page(run).table(id='metrics')[1][0] == name
 
 
+def test_report_page_file_name_without_text_is_shown() -> None:
+    """On Linux a name is bytes; Python reads those that are no UTF-8 as surrogates."""
+    run = replace(paper_like('bad\udcff.mcap'), parameters={})
+    assert page(run).table(id='metrics')[1][0] == 'bad?'
+    assert 'bad?.mcap: 2001 states' in page(run).root.text
+
+
 def test_report_page_equal_runs_give_equal_page(changed: Run) -> None:
     assert html(changed) == html(changed)
 

@@ -85,9 +85,14 @@ def _switching(controller: Values) -> list[str]:
     return [name]
 
 
+def as_text(name: str) -> str:
+    """Return a file name with '?' for bytes that are no text, which no page can contain."""
+    return name.encode(errors='replace').decode()
+
+
 def _short(name: str) -> str:
-    """Return a name on one line, of a long one the end."""
-    name = ' '.join(name.split())
+    """Return a name as text on one line, of a long one the end."""
+    name = ' '.join(as_text(name).split())
     return name if len(name) <= _LONGEST else f'…{name[1 - _LONGEST :]}'
 
 

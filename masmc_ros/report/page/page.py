@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from markupsafe import Markup
+from masmc_ros.report.measure.labels import as_text
 from masmc_ros.report.measure.metrics import Metrics
 from masmc_ros.report.measure.missing import missing
 from masmc_ros.report.measure.parameters import change_texts, run_changes, value_text
@@ -61,7 +62,7 @@ def _run(number: int, entry: Compared, span: tuple[float, float]) -> dict[str, o
     return {
         'id': f'run-{number}',
         'label': entry.label,
-        'path': str(run.path),
+        'path': as_text(str(run.path)),
         'states': len(run.times),
         'duration': f'{run.times[-1] - run.times[0]:g}',
         'missing': missing(run, entry.tracked),
