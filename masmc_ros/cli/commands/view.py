@@ -153,7 +153,11 @@ def _tunnel(port: int) -> str:
         return ''
     # Client, its port, server, its port.
     host = remote[2] if len(remote) == 4 else socket.gethostname()
-    command = f'ssh -N -L {port}:{HOST}:{port} {getpass.getuser()}@{host}'
+    user = 'USER'
+    # A container may run as a user without a name; Python before 3.13 raises KeyError.
+    with suppress(KeyError, OSError):
+        user = getpass.getuser()
+    command = f'ssh -N -L {port}:{HOST}:{port} {user}@{host}'
     if len(remote) == 4 and remote[3] != '22':
         command += f' -p {remote[3]}'
     return (
