@@ -63,6 +63,6 @@ def twists(topic: Topic, joint_commands: Series | None, places: Sequence[int]) -
         stamps = joint_commands.stamps.tolist()
     return Series(
         np.array(stamps, np.int64),
-        np.array(values).reshape(-1, len(places)),
+        np.array(values).reshape(len(values), len(places)),
         np.array(orders, np.int64),
     )
