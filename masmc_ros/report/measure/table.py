@@ -81,22 +81,26 @@ def _column(
 
 def text_table(rows: Mapping[str, Metrics], width: int = sys.maxsize) -> str:
     """Return metrics by label as an aligned table, errors in mm or mrad, and their meaning."""
-    points = points_of(rows.values())
     top, body = heads(rows), cells(rows)
     table = aligned([*zip(*top, strict=True), *body], (0,), rule=2, width=width)
+    return '\n'.join([*table, '', *(fill(note, width) for note in notes(rows))]) + '\n'
+
+
+def notes(rows: Mapping[str, Metrics]) -> list[str]:
+    """Return the meaning of the columns, a text for each kind."""
+    points = points_of(rows.values())
     units = ' or '.join(dict.fromkeys(point.small_unit for point in points))
     titles = listed([f'of the {point.title.removeprefix("the ")}' for point in points])
     count = max(row.joints for row in rows.values())
     commands = _COUNTS[count] if count < len(_COUNTS) else str(count)
-    notes = (
+    texts = (
         f'{symbols_of(points)}: distance {titles} from the reference.',
         f'Settles: time after which it stays below {BAND:.0%} of the first distance, or'
         f' {FLOOR * SMALL:g} {units} if that is more.',
         f'Torque variation: sum of the changes of all {commands} commands, per second.',
         contact_note(rows),
     )
-    texts = (fill(note, width) for note in notes if note)
-    return '\n'.join([*table, '', *texts]) + '\n'
+    return [text for text in texts if text]
 
 
 def markdown_table(rows: Mapping[str, Metrics]) -> str:
