@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 import csv
+from functools import partial
 import io
 import math
 from operator import attrgetter
@@ -147,7 +148,7 @@ def cells(rows: Mapping[str, Metrics]) -> list[list[str]]:
     """Return the cells of the runs, one text per column."""
     shown = columns(rows.values())
     return [
-        [label, f'{row.start:g}-{row.end:g}', *(_text(c.value(row), c.factor) for c in shown)]
+        [label, f'{row.start:g}-{row.end:g}', *map(partial(_cell, row), shown)]
         for label, row in rows.items()
     ]
 
@@ -158,10 +159,14 @@ def distance_text(row: Metrics) -> str:
     return f'RMS error of {point.title} {_text(reached.rms, SMALL)} {point.small_unit}'
 
 
-def _text(value: float | None, factor: float = 1.0) -> str:
-    if value is None:
-        return '-'
-    return 'does not' if value == math.inf else number(value * factor)
+def _cell(row: Metrics, column: Column) -> str:
+    value = column.value(row)
+    # An infinite distance is that of a diverged run, an infinite time is no settling.
+    return 'does not' if value == math.inf and column.unit == 's' else _text(value, column.factor)
+
+
+def _text(value: float | None, factor: float) -> str:
+    return '-' if value is None else number(value * factor)
 
 
 def number(value: float) -> str:
