@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
+from statistics import mode
 from typing import cast
 
 from masmc_ros.aliases import Array
@@ -279,7 +280,8 @@ def _is_hybrid(parameters: Mapping[str, Values]) -> bool:
 def _contact(topic: Topic | None, pass_start: PassStart) -> decode.Series | None:
     """Return the last pass of contacts with the ground, for any number of contacts."""
     label = message_names.CONTACT_LABEL
-    count = 0 if topic is None else telemetry_count(label, len(topic.messages[0]))
+    # The size of most messages: one may be of a third-party node.
+    count = 0 if topic is None else telemetry_count(label, mode(map(len, topic.messages)))
     if topic is not None and count > 0 and not count % len(CONTACT):
         with suppress(InputError):
             series = decode.decode_topic(topic, decode.telemetry(label, count))
