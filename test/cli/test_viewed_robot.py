@@ -7,11 +7,15 @@ from __future__ import annotations
 from collections import Counter
 import json
 from pathlib import Path
+import resource
 from typing import Any
 
 from helpers.small_tree import parameters
 from masmc_ros.cli.commands.layout import layout_for, mechanism_of
+from masmc_ros.cli.commands.view import _served
 from masmc_ros.cli.main import main
+from masmc_ros.cli.show.file_server import FileServer
+from masmc_ros.errors import InputError
 from masmc_ros.log.write.writer import LogWriter
 from masmc_ros.messages.definitions import definition
 from masmc_ros.messages.joint_state import JointStateCdr
@@ -151,6 +155,19 @@ def test_view_description_has_addresses_of_meshes(described: tuple[Path, list[st
         for number, address in enumerate(meshes[:2], start=1):
             assert ask(address)[1] == MESH * number
     assert log.read_bytes() == original
+
+
+def test_view_no_space_for_copy_raises_one_line(
+    described: tuple[Path, list[str]], tmp_path: Path
+) -> None:
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    with FileServer() as server:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (100, limits[1]))
+        try:
+            with pytest.raises(InputError, match=r'cannot be written: .*TMPDIR'):
+                _served(server, described[0], tmp_path)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
 
 
 def test_view_log_without_meshes_served_unmodified(tmp_path: Path) -> None:

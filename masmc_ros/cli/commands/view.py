@@ -87,7 +87,13 @@ def _served(server: FileServer, path: Path, folder: Path) -> str:
         return server.add(mesh, f'{len(server.files)}/{mesh.name}')
 
     copy = folder / path.name
-    write_with_addresses(path, copy, description, address)
+    try:
+        write_with_addresses(path, copy, description, address)
+    except OSError as error:
+        raise InputError(
+            f'{copy}: cannot be written: {error.strerror}; set TMPDIR to a folder with space for'
+            ' a copy of the log'
+        ) from error
     return server.add(copy)
 
 
