@@ -11,7 +11,7 @@ import resource
 from typing import Any
 
 from helpers.small_tree import parameters
-from masmc_ros.cli.commands.layout import layout_for, mechanism_of
+from masmc_ros.cli.commands.layout import layout_for, robot_in
 from masmc_ros.cli.commands.view import _served
 from masmc_ros.cli.main import main
 from masmc_ros.cli.show.file_server import FileServer
@@ -52,7 +52,7 @@ def tree(tmp_path_factory: pytest.TempPathFactory) -> tuple[Mechanism, dict[str,
         for name, value in parameters().items()
     }
     file.write_text(yaml.safe_dump({'/**': {'ros__parameters': values}}), 'utf-8')
-    mechanism = mechanism_of(str(file))
+    mechanism = robot_in(str(file)).mechanism
     return mechanism, layout_for(mechanism)
 
 
@@ -191,7 +191,24 @@ def test_layout_log_without_plant_is_that_of_controller(tmp_path: Path) -> None:
         channel = writer.channel('/controller/parameters', 'std_msgs/msg/String')
         writer.write(channel, 0, string_message(record.to_text()))
         writer.write(states, 0, JointStateCdr(joint_names_of(expected)).to_bytes())
-    assert layout_for(mechanism_of(str(log))) == layout_for(expected) != STATIC
+    assert layout_for(*robot_in(str(log))) == layout_for(expected) != STATIC
+
+
+@pytest.mark.parametrize('paper', [True, False])
+def test_layout_hybrid_interface_has_torques_of_arm(
+    tree: tuple[Mechanism, dict[str, Any]], tmp_path: Path, paper: bool
+) -> None:
+    """The command contains no torques of the base."""
+    file = tmp_path / 'hybrid.yaml'
+    values = {'command_interface': 'hybrid'} | ({} if paper else parameters())
+    text = json.dumps({'/**': {'ros__parameters': values}})
+    file.write_text(text, 'utf-8')
+    layout = layout_for(*robot_in(str(file)))
+    arm = (DEFAULT if paper else tree[0]).joints[2:]
+    assert lines(layout, 'torque') == [
+        (joint.short, f'/effort_commands.data[{i}]') for i, joint in enumerate(arm)
+    ]
+    assert lines(layout, 'error') == lines(STATIC if paper else tree[1], 'error')
 
 
 def test_layout_log_without_robot_one_error_line(

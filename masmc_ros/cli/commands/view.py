@@ -17,7 +17,7 @@ import sys
 from tempfile import TemporaryDirectory
 from urllib.parse import urlencode
 
-from masmc_ros.cli.commands.layout import mechanism_of, write_layout
+from masmc_ros.cli.commands.layout import robot_in, write_layout
 from masmc_ros.cli.show.file_server import FileServer, HOST
 from masmc_ros.cli.show.served_meshes import described, write_with_addresses
 from masmc_ros.errors import InputError
@@ -100,10 +100,10 @@ def _served(server: FileServer, path: Path, folder: Path) -> str:
 def _layout_of(path: Path) -> Path:
     """Return the layout for the robot of a log, by default that of the paper's robot."""
     with suppress(InputError):
-        mechanism = mechanism_of(str(path))
-        if mechanism.name != DEFAULT.name:
+        robot = robot_in(str(path))
+        if robot.mechanism.name != DEFAULT.name or robot.is_hybrid:
             layout = runtime_folder() / 'layout.json'
-            write_layout(mechanism, layout)
+            write_layout(robot, layout)
             return layout
     return shared_file('config', 'foxglove.json')
 
