@@ -222,7 +222,7 @@ def _run(path: Path, contents: LogContents) -> Run:
     kept = taken[last_pass(every_state.stamps[taken])]
     states = decode.Series(every_state.stamps[kept], every_state.values[kept])
     if odometry is not None:
-        states = with_platform_pose(states, odometry)
+        states = with_platform_pose(states, odometry, pass_start)
     history = parameter_history(contents, namespace, pass_start)
     _insert_description(history.start, contents, namespace)
     position, velocity, effort = np.hsplit(states.values, 3)
