@@ -16,6 +16,7 @@ from helpers.report_runs import paper_like, telling, with_change
 from hypothesis import given
 from hypothesis import strategies as st
 from masmc_ros.report.aligned import aligned
+from masmc_ros.report.draw.figures import figure_names
 from masmc_ros.report.measure.labels import labels
 from masmc_ros.report.measure.metrics import Metrics, metrics, Reached
 from masmc_ros.report.measure.table import csv_table, markdown_table, number, text_table
@@ -65,6 +66,15 @@ def test_labels_runs_of_equal_law_contain_file_name() -> None:
 
 def test_label_log_without_parameters_is_file_name() -> None:
     assert labels([replace(paper_like('bags/lab.mcap'), parameters={})]) == ['lab']
+
+
+def test_labels_current_folder_has_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    run = replace(paper_like('.'), parameters={})
+    assert labels([run]) == [tmp_path.name]
+    assert figure_names([run])[0][0] == f'{tmp_path.name}_path.png'
 
 
 @given(st.lists(st.sampled_from(['a', 'x/a', 'y/a', 'b', 'q' * 60, 'x/' + 'q' * 60]), min_size=1))
