@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 import errno
 from importlib import import_module
+from io import TextIOWrapper
 import os
 import signal
 import sys
@@ -54,6 +55,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     is_process = arguments is None
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     name = ' '.join(['masmc', *arguments[:1]])
+    if is_process and isinstance(sys.stdout, TextIOWrapper) and sys.stdout.errors == 'strict':
+        # Greek letters, or file names that are no text, do not fit every encoding.
+        sys.stdout.reconfigure(errors='backslashreplace')
     status = 0
     try:
         status = _run(name, arguments, restores_signals=not is_process)

@@ -9,7 +9,7 @@ Texts are HTML of plotly, with symbols in italics; `style.mathtext` converts the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from html import escape
 from typing import NamedTuple
@@ -158,18 +158,27 @@ def _subjects(compared: Sequence[Compared]) -> Iterator[_Subject]:
     if not all(entry.run.commands_rates for entry in compared):
         for group in dict.fromkeys(group for kind in kinds for group in kind.groups):
             owners = [kind for kind in kinds if group in kind.groups]
+            efforts = (joint.effort_unit for kind in owners for joint in kind.joints[group.joints])
             vectors = partial(_columns, owners, 'torque', group.joints)
-            yield f'Commanded torques, {group.name}', '<i>|τ|</i> (N·m)', vectors
+            yield f'Commanded torques, {group.name}', _norm('τ', efforts), vectors
         return
     for kind in kinds:
-        turns = [i for i, velocity in enumerate(kind.twist) if velocity.unit == 'rad/s']
-        chosen = turns or list(range(len(kind.twist)))
-        names = ' and '.join(kind.twist[i].name for i in chosen)
-        rates = '<i>|ω|</i> (rad/s)'
-        of_base = rates if turns else '<i>|v|</i> (m/s)'
-        own = partial(_columns, [kind], 'arm_rates', slice(None))
-        yield f'Commanded {names}', of_base, partial(_columns, [kind], 'cmd_vel', chosen)
-        yield f'Commanded rates, {kind.groups[-1].name}', rates, own
+        if kind.twist:
+            turns = [i for i, velocity in enumerate(kind.twist) if velocity.unit == 'rad/s']
+            chosen = turns or list(range(len(kind.twist)))
+            names = ' and '.join(kind.twist[i].name for i in chosen)
+            units = (kind.twist[i].unit for i in chosen)
+            vectors = partial(_columns, [kind], 'cmd_vel', chosen)
+            yield f'Commanded {names}', _norm('ω' if turns else 'v', units), vectors
+        if kind.own_rates:
+            units = (f'{joint.unit}/s' for joint in kind.own_rates)
+            vectors = partial(_columns, [kind], 'arm_rates', slice(None))
+            yield f'Commanded rates, {kind.groups[-1].name}', _norm('ω', units), vectors
+
+
+def _norm(symbol: str, units: Iterable[str]) -> str:
+    """Return a norm with the units of the components, each once."""
+    return f'<i>|{symbol}|</i> ({", ".join(dict.fromkeys(units))})'
 
 
 def _columns(

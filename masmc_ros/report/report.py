@@ -28,6 +28,7 @@ from masmc_ros.report.measure.metrics import Metrics, metrics
 from masmc_ros.report.measure.table import csv_table, markdown_table, text_table
 from masmc_ros.report.measure.tracking import Compared, tracking
 from masmc_ros.report.page.page import report_page
+import numpy as np
 
 _PAGE = 'report.html'
 _TABLES = {'table.txt': text_table, 'table.md': markdown_table, 'metrics.csv': csv_table}
@@ -40,6 +41,7 @@ class Report(NamedTuple):
     metrics: Mapping[str, Metrics]
 
 
+@np.errstate(over='ignore', invalid='ignore')  # distances of a diverged run may be infinite
 def write_report(runs: Sequence[Run], directory: str | Path) -> Report:
     """
     Write metrics and figures of runs, and of all of them together, into a folder.

@@ -122,6 +122,44 @@ def test_param_dump_is_parameter_file(running: Processes, tmp_path: Path) -> Non
         )
 
 
+THIRD_PARTY = """
+import rclpy
+from rclpy.parameter import Parameter
+rclpy.init()
+node = rclpy.create_node('third_party')
+node.declare_parameter('unset', Parameter.Type.INTEGER)
+for name, value in (('gain', 1), ('gain.low', 0.5), ('raw', [b'a', b'b'])):
+    node.declare_parameter(name, value)
+rclpy.spin(node)
+"""
+"""Node with a parameter without a value, one below another, and bytes."""
+
+
+@pytest.mark.slow
+def test_param_node_of_other_package_any_type_works(running: Processes, tmp_path: Path) -> None:
+    domain = running.domain
+    with subprocess.Popen(
+        [sys.executable, '-c', THIRD_PARTY],
+        env={**child_environment(), **domain_variables(domain)}, stderr=subprocess.DEVNULL,
+    ) as process:  # fmt: skip
+        try:
+            assert output_of(domain, 'get', '/third_party', 'unset') == 'Parameter not set.'
+            raw = output_of(domain, 'get', '/third_party', 'raw')
+            assert raw == "Byte values are: [b'a', b'b']"
+            number = ('set', '/third_party', 'gain.low', '-1e-3')
+            assert output_of(domain, *number) == 'Set parameter successful'
+            dump = param(domain, 'dump', '/third_party', '--timeout', '30')
+        finally:
+            process.kill()
+    assert dump.returncode == 0
+    lines = dump.stderr.splitlines()
+    assert [line.split()[1] for line in lines] == ['raw', 'unset']
+    file = tmp_path / 'dump.yaml'
+    file.write_text(dump.stdout, encoding='utf-8')
+    values = read(file).for_node('third_party')
+    assert (values['gain'], values['gain.low']) == (1, -1e-3)
+
+
 @pytest.mark.parametrize(
     ('arguments', 'words'),
     [

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 import os
 from pathlib import Path
 import re
@@ -18,7 +18,9 @@ import time
 from typing import Any
 
 from helpers.viewed_run import computed_run
+from masmc_ros.cli.commands import demo
 from masmc_ros.cli.main import COMMANDS, main
+from masmc_ros.nodes.process.command_line import parse
 from masmc_ros.params.node_parameters import declared, NODES
 import pytest
 from test_bad_input import error_line, PAPER, PATIENCE
@@ -83,6 +85,21 @@ def is_node(number: int) -> bool:
     with suppress(OSError):
         return b'masmc_ros.cli.main' in Path(f'/proc/{number}/cmdline').read_bytes()
     return False
+
+
+def test_demo_any_folder_name_is_that_of_logs(monkeypatch: pytest.MonkeyPatch) -> None:
+    log = Path('run #1: {a} "b"') / 'smc.mcap'
+    commands: dict[str, list[str]] = {}
+
+    def start(nodes: dict[str, list[str]], *_: object) -> nullcontext[None]:
+        commands.update(nodes)
+        return nullcontext()
+
+    monkeypatch.setattr(demo, '_processes', start)
+    monkeypatch.setattr(demo, '_watch', lambda *_: None)
+    demo._run('smc', Path(PAPER), log, {}, 1.0, 1.0, composed=False)
+    recorder = parse(commands['recorder']).for_node('recorder')
+    assert recorder.values['output'] == str(log)
 
 
 @pytest.mark.slow
@@ -183,6 +200,8 @@ def same(log: Path, tmp_path: Path) -> Path:
         ('report', 'parts', '--output', 'parts'),
         ('export', 'run.mcap', '--overwrite', '--output', '.'),
         ('export', 'parts', '--output', 'parts'),
+        ('layout', 'run.mcap', '--output', 'run.csv'),
+        ('layout', 'paper.yaml', '--output', 'paper.yaml'),
     ],
 )
 def test_masmc_output_is_input_rejected_before_reading(
@@ -321,6 +340,23 @@ def test_masmc_invalid_or_truncated_log_one_error_line(
     line = error_line(status, captured.out, captured.err)
     assert words in line
     assert ('truncated' in line) == content.startswith(b'\x89')
+
+
+@pytest.mark.parametrize('encoding', ['ascii', 'utf-8'])
+def test_masmc_characters_unknown_to_output_are_escaped(
+    log: Path, tmp_path: Path, encoding: str
+) -> None:
+    name = tmp_path / 'δ\udcff.mcap'
+    name.write_bytes(log.read_bytes())
+    result = subprocess.run(
+        [sys.executable, '-m', 'masmc_ros.cli.main', 'recover', str(name)],
+        env={
+            **os.environ, 'PYTHONIOENCODING': encoding, 'PYTHONPATH': os.pathsep.join(sys.path),
+        },
+        capture_output=True, timeout=PATIENCE, check=False,
+    )  # fmt: skip
+    assert (result.returncode, result.stderr) == (0, b'')
+    assert rb'\udcff.mcap: is complete' in result.stdout
 
 
 def test_masmc_alone_prints_its_help(capsys: pytest.CaptureFixture[str]) -> None:

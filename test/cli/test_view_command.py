@@ -22,8 +22,11 @@ from urllib.parse import parse_qs, urlsplit
 from helpers.viewed_run import computed_run, ROOT
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from masmc_ros.cli.commands import view
 from masmc_ros.cli.show import file_server
 from masmc_ros.cli.show.file_server import FileServer
+from masmc_ros.cli.show.served_meshes import described
+from masmc_ros.errors import InputError
 from mcap.reader import make_reader
 import pytest
 
@@ -297,6 +300,34 @@ def test_view_installed_viewer_opens_file(log: Path, tmp_path: Path, status: int
             assert served.process.wait(PATIENCE) == 0
             assert not served.url
             assert any('foxglove.json' in line for line in served.lines)
+
+
+def test_view_user_without_name_prints_ssh_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A container may run as such a user."""
+    for name in ('LOGNAME', 'USER', 'LNAME', 'USERNAME', 'DISPLAY', 'WAYLAND_DISPLAY'):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(os, 'getuid', lambda: 2_000_000_001)
+    assert f'USER@{socket.gethostname()}' in view._tunnel(8766)
+
+
+def test_view_damaged_summary_raises_one_line(log: Path, tmp_path: Path) -> None:
+    damaged = tmp_path / 'damaged.mcap'
+    content = bytearray(log.read_bytes())
+    # The definitions at the start of the summary.
+    start = int.from_bytes(content[-28:-20], 'little')
+    content[start:start + 100] = bytes(100 * [0x59])
+    damaged.write_bytes(content)
+    with pytest.raises(InputError, match=r'damaged\.mcap: the log is damaged: .*masmc recover'):
+        described(damaged)
+
+
+def test_file_server_file_name_without_text_is_served(tmp_path: Path) -> None:
+    path = tmp_path / 'bad\udcff.mcap'
+    path.write_bytes(b'content')
+    with FileServer() as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        assert ask(server.add(path))[1] == b'content'
+        server.shutdown()
 
 
 @pytest.mark.slow

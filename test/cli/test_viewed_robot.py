@@ -7,15 +7,23 @@ from __future__ import annotations
 from collections import Counter
 import json
 from pathlib import Path
+import resource
 from typing import Any
 
 from helpers.small_tree import parameters
-from masmc_ros.cli.commands.layout import layout_for, mechanism_of
+from masmc_ros.cli.commands.layout import layout_for, robot_in
+from masmc_ros.cli.commands.view import _served
 from masmc_ros.cli.main import main
+from masmc_ros.cli.show.file_server import FileServer
+from masmc_ros.errors import InputError
+from masmc_ros.log.write.writer import LogWriter
 from masmc_ros.messages.definitions import definition
+from masmc_ros.messages.joint_state import JointStateCdr
+from masmc_ros.messages.parameter_record import ParameterRecord
 from masmc_ros.messages.string_message import string_message, text_of
 from masmc_ros.robot.declaration import Mechanism
-from masmc_ros.robot.mechanisms import DEFAULT
+from masmc_ros.robot.joint_names import joint_names_of
+from masmc_ros.robot.mechanisms import DEFAULT, mechanism_from
 from masmc_ros.robot.meshes import mesh_files
 from masmc_ros.robot.urdf import read_urdf
 from mcap.reader import make_reader
@@ -44,7 +52,7 @@ def tree(tmp_path_factory: pytest.TempPathFactory) -> tuple[Mechanism, dict[str,
         for name, value in parameters().items()
     }
     file.write_text(yaml.safe_dump({'/**': {'ros__parameters': values}}), 'utf-8')
-    mechanism = mechanism_of(str(file))
+    mechanism = robot_in(str(file)).mechanism
     return mechanism, layout_for(mechanism)
 
 
@@ -149,6 +157,19 @@ def test_view_description_has_addresses_of_meshes(described: tuple[Path, list[st
     assert log.read_bytes() == original
 
 
+def test_view_no_space_for_copy_raises_one_line(
+    described: tuple[Path, list[str]], tmp_path: Path
+) -> None:
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    with FileServer() as server:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (100, limits[1]))
+        try:
+            with pytest.raises(InputError, match=r'cannot be written: .*TMPDIR'):
+                _served(server, described[0], tmp_path)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+
+
 def test_view_log_without_meshes_served_unmodified(tmp_path: Path) -> None:
     log = tmp_path / 'empty.mcap'
     with log.open('wb') as stream:
@@ -157,6 +178,37 @@ def test_view_log_without_meshes_served_unmodified(tmp_path: Path) -> None:
         writer.finish()
     with viewing(log) as served:
         assert ask(served.url)[1] == log.read_bytes()
+
+
+def test_layout_log_without_plant_is_that_of_controller(tmp_path: Path) -> None:
+    """The log of a robot has no simulated plant."""
+    log = tmp_path / 'robot.mcap'
+    values = parameters()
+    expected = mechanism_from(values)
+    record = ParameterRecord('/controller', 0, 0, values, ())
+    with LogWriter(log) as writer:
+        states = writer.channel('/joint_states', 'sensor_msgs/msg/JointState')
+        channel = writer.channel('/controller/parameters', 'std_msgs/msg/String')
+        writer.write(channel, 0, string_message(record.to_text()))
+        writer.write(states, 0, JointStateCdr(joint_names_of(expected)).to_bytes())
+    assert layout_for(*robot_in(str(log))) == layout_for(expected) != STATIC
+
+
+@pytest.mark.parametrize('paper', [True, False])
+def test_layout_hybrid_interface_has_torques_of_arm(
+    tree: tuple[Mechanism, dict[str, Any]], tmp_path: Path, paper: bool
+) -> None:
+    """The command contains no torques of the base."""
+    file = tmp_path / 'hybrid.yaml'
+    values = {'command_interface': 'hybrid'} | ({} if paper else parameters())
+    text = json.dumps({'/**': {'ros__parameters': values}})
+    file.write_text(text, 'utf-8')
+    layout = layout_for(*robot_in(str(file)))
+    arm = (DEFAULT if paper else tree[0]).joints[2:]
+    assert lines(layout, 'torque') == [
+        (joint.short, f'/effort_commands.data[{i}]') for i, joint in enumerate(arm)
+    ]
+    assert lines(layout, 'error') == lines(STATIC if paper else tree[1], 'error')
 
 
 def test_layout_log_without_robot_one_error_line(

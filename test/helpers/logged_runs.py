@@ -65,6 +65,16 @@ def numbers(count: int, period_ns: int = 1_000_000, start: int = 0) -> Numbers:
     )
 
 
+def part(run: Numbers, first: int, end: int) -> Numbers:
+    """Return the ticks `first` <= k < `end` of a run."""
+    *arrays, telemetry, reference = run
+    return Numbers(
+        *(array[first:end] for array in arrays),
+        {label: values[first:end] for label, values in telemetry.items()},
+        reference[first:end],
+    )
+
+
 def write_run(
     path: Path, run: Numbers, namespace: str = '/', *, window: int = 50, everything: bool = True
 ) -> None:

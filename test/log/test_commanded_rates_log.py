@@ -15,10 +15,15 @@ from masmc_ros.errors import InputError
 from masmc_ros.log.offered_qos import Qos
 from masmc_ros.log.read.reader import read_run, Run
 from masmc_ros.log.write.writer import LogWriter
-from masmc_ros.messages.commands import ArmVelocityCdr
+from masmc_ros.messages.commands import ARM_VELOCITY, ArmVelocityCdr, LabelledCdr
 from masmc_ros.messages.joint_state import JointStateCdr
+from masmc_ros.messages.parameter_record import ParameterRecord
 from masmc_ros.messages.platform_messages import TwistCdr, TwistStampedCdr
+from masmc_ros.messages.string_message import string_message
 from masmc_ros.messages.topics import FLOAT_ARRAY, TWIST, TWIST_STAMPED
+from masmc_ros.params.scenario import load_scenario
+from masmc_ros.robot.joint_names import joint_names_of
+from masmc_ros.robot.mechanisms import mechanism_from
 import numpy as np
 import pytest
 
@@ -56,6 +61,28 @@ def twist(forward: float, turn: float) -> TwistCdr:
 def stamps(run: Run) -> list[int]:
     """Return the stamps of the platform commands in ticks."""
     return [round(time * 1e9 / TICK) for time in run.cmd_vel.times]
+
+
+def test_read_run_fixed_base_has_twists_without_numbers(tmp_path: Path) -> None:
+    path = tmp_path / 'ur5.mcap'
+    values = load_scenario(str(PAPER.with_name('ur5.yaml')))['plant']
+    mechanism = mechanism_from(values)
+    names = joint_names_of(mechanism)
+    record = ParameterRecord('/plant', 0, 0, dict(values), ())
+    command = LabelledCdr(ARM_VELOCITY.named(names[len(mechanism.base):]))
+    with LogWriter(path) as log:
+        parameters = log.channel('/plant/parameters', 'std_msgs/msg/String', Qos())
+        log.write(parameters, 0, string_message(record.to_text()))
+        states = log.channel('/joint_states', 'sensor_msgs/msg/JointState', Qos())
+        log.write(states, 0, JointStateCdr(names).to_bytes())
+        log.write(log.channel('/cmd_vel', TWIST, Qos()), 0, twist(0.0, 0.0).to_bytes())
+        command.set_stamp(0)
+        commands = log.channel('/arm_velocity_commands', FLOAT_ARRAY, Qos())
+        log.write(commands, 0, command.to_bytes())
+    run = read_run(path)
+    assert run.cmd_vel.values.shape == (1, 0)
+    assert run.arm_rates.values.shape == (1, 6)
+    assert main(['export', str(path), '--output', str(tmp_path / 'export')]) == 0
 
 
 def test_read_run_plain_twists_get_stamps_of_arm_commands(tmp_path: Path) -> None:

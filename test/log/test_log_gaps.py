@@ -5,11 +5,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 import random
 
+from helpers.logged_runs import STATE
 from hypothesis import given
 from hypothesis import strategies as st
-from masmc_ros.log.read.gaps import Gaps, gaps_in
+from masmc_ros.log.read.gaps import Gaps, gaps_in, state_gaps
+from masmc_ros.log.write.writer import LogWriter
+from masmc_ros.messages.joint_state import JointStateCdr
 import numpy as np
 import pytest
 
@@ -75,3 +79,19 @@ def test_gaps_overtaken_messages_are_not_missing(
 
 def test_gaps_too_few_messages_have_none() -> None:
     assert gaps_in([]).count == gaps_in([0]).count == gaps_in([0, MS, 900 * MS]).count == 0
+
+
+def test_state_gaps_times_of_arrival_do_not_count(tmp_path: Path) -> None:
+    """As in a log of `ros2 bag record`."""
+    path, state = tmp_path / 'bag.mcap', JointStateCdr()
+    arrival = 10**18
+    with LogWriter(path) as log:
+        states = log.channel('/joint_states', STATE)
+        for tick in range(2000):
+            if not 500 <= tick < 510:
+                state.set_stamp(tick * MS)
+                log.write(states, arrival, state.to_bytes())
+            arrival += 3 * MS if tick % 20 == 0 else MS // 2
+    [(topic, gaps)] = state_gaps(path).items()
+    assert topic == '/joint_states'
+    assert (gaps.count, gaps.missing, gaps.at) == (1, 10, 499 * MS)

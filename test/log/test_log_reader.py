@@ -9,19 +9,21 @@ import subprocess
 import sys
 from typing import Any
 
-from helpers.logged_runs import ARRAY, numbers, STATE, write_run
+from helpers.logged_runs import ARRAY, numbers, part, STATE, write_numbers, write_run
 from masmc_ros.errors import InputError
+from masmc_ros.log.mcap.chunks import ChannelRows
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.log.write.writer import LogWriter
-from masmc_ros.loop.signals import PUBLISHED
+from masmc_ros.loop.signals import CONTACT, PUBLISHED
 from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.definitions import definition
 from masmc_ros.messages.joint_state import JointStateCdr
-from masmc_ros.messages.names import JOINTS
+from masmc_ros.messages.names import CONTACT_LABEL, JOINTS
 from masmc_ros.messages.parameter_record import ParameterRecord
 from masmc_ros.messages.platform_messages import OdometryCdr
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.messages.string_message import string_message
+from masmc_ros.messages.telemetry import telemetry_messages
 from masmc_ros.messages.topics import ODOMETRY
 from mcap.writer import Writer
 import numpy as np
@@ -210,6 +212,43 @@ def test_read_run_after_reset_keeps_last_pass(tmp_path: Path) -> None:
     assert run.torque.times.tolist() == [0.0, 1.0, 2.0]
     assert run.torque.values[:, 0].tolist() == [10.0, 11.0, 12.0]
     assert run.topics['/joint_states'] == 9
+
+
+def test_read_run_contact_after_foreign_message_is_read(tmp_path: Path) -> None:
+    path, written = tmp_path / 'run.mcap', numbers(20)
+    values = np.arange(20 * 2 * len(CONTACT), dtype=float).reshape(20, -1)
+    with LogWriter(path) as log:
+        contact = log.channel('/plant/contact', ARRAY)
+        log.write(contact, 0, b'\0\1\0\0of another type')
+        states = log.channel('/joint_states', STATE)
+        rows = telemetry_messages(CONTACT_LABEL, written.stamps, values)
+        log.write_rows([
+            ChannelRows(states, written.stamps, written.states()),
+            ChannelRows(contact, written.stamps, rows),
+        ])
+    run = read_run(path)
+    assert run.contact is not None
+    assert np.array_equal(run.contact.values, values)
+
+
+@pytest.mark.parametrize('answered', [0, 200])
+def test_read_run_after_reset_drops_earlier_signals(tmp_path: Path, answered: int) -> None:
+    """The controller is inactive at the start of the last pass, or in all of it."""
+    path, before, after = tmp_path / 'run.mcap', numbers(1000), numbers(600)
+    first = len(after.stamps) - answered
+    with LogWriter(path) as log:
+        write_numbers(log, before, window=50, everything=True)
+        write_numbers(log, part(after, 0, first), window=50, everything=False)
+        if answered:
+            write_numbers(log, part(after, first, len(after.stamps)), window=50, everything=True)
+    run = read_run(path)
+    assert np.array_equal(run.position, after.position)
+    assert np.array_equal(run.torque.values, after.torque[first:])
+    signals = PUBLISHED if answered else ()
+    assert sorted(run.telemetry) == sorted(signal.name for signal in signals)
+    for signal in signals:
+        values = run.telemetry[signal.name].values
+        assert np.array_equal(values, after.telemetry[signal.label][first:])
 
 
 @pytest.mark.parametrize('pacing', ['realtime', 'lockstep'])

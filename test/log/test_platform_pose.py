@@ -74,6 +74,28 @@ def test_read_run_without_base_joints_uses_odometry(computed: Path, tmp_path: Pa
     assert np.abs(run.velocity[measured, :3] - known.velocity[measured, :3]).max() < 1e-12
 
 
+def test_read_run_odometry_before_reset_is_void(computed: Path, tmp_path: Path) -> None:
+    """The odometry of the last pass starts a second after the states."""
+    messages = sorted(
+        (time, topic.name, raw)
+        for topic in scan(without_base_joints(computed, tmp_path)).topics.values()
+        for time, raw in zip(topic.log_times, topic.messages, strict=True)
+        if topic.name in ('/joint_states', '/odom')
+    )
+    path = tmp_path / 'twice.mcap'
+    with LogWriter(path) as log:
+        channels = {
+            '/joint_states': log.channel('/joint_states', STATE),
+            '/odom': log.channel('/odom', ODOMETRY),
+        }
+        for is_last in (False, True):
+            for time, name, raw in messages:
+                if not (is_last and name == '/odom' and time < 10**9):
+                    log.write(channels[name], time, raw)
+    # A pose is used for 0.1 s before and after its stamp.
+    assert read_run(path).times[0] == 0.9
+
+
 def test_read_run_invalid_odometry_is_skipped(computed: Path, tmp_path: Path) -> None:
     def spoil(message: Any) -> bool:
         if message.header.stamp.nanosec == 500_000_000:

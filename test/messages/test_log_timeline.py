@@ -156,7 +156,10 @@ def test_last_pass_late_responses_belong_to_their_state(
         last_start = PassStart(orders, np.array(ticks, np.int64) * MS)
         for place, (_, is_answer, k) in enumerate(messages):
             if is_answer:
-                assert last_start.is_over(place, ticks[k] * MS) == (k >= before)
+                stamp = ticks[k] * MS
+                assert last_start.is_over(place, stamp) == (k >= before)
+                [is_valid] = last_start.are_valid(np.array([place]), np.array([stamp]))
+                assert is_valid == (k >= before)
 
 
 def test_last_pass_without_stamp_uses_place_in_log() -> None:

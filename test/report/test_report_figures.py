@@ -182,6 +182,15 @@ def test_report_figures_any_file_name_is_drawn() -> None:
             assert (image[:, -1] == 255).all()  # the name is complete
 
 
+def test_report_figure_letters_outside_font_give_no_warning(
+    recwarn: pytest.WarningsRecorder,
+) -> None:
+    run = paper_like()
+    with paper_style():
+        png(error_figure(tracking(run), metrics(run), '机器人', DEFAULT.points[0]))
+    assert not recwarn.list
+
+
 @pytest.mark.slow
 def test_report_figures_zero_error_is_drawn() -> None:
     t = ticks(1.0)

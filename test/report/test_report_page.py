@@ -18,11 +18,13 @@ from helpers.report_runs import (
     none,
     paper_like,
     run_of,
+    series,
     telling,
     ticks,
     with_change,
     without_error,
 )
+from helpers.small_tree import parameters as tree_parameters
 from masmc_ros.cli.main import main
 from masmc_ros.log.read.reader import Run
 from masmc_ros.log.write.writer import LogWriter
@@ -34,6 +36,8 @@ from masmc_ros.report.measure.labels import labels
 from masmc_ros.report.measure.metrics import metrics
 from masmc_ros.report.measure.tracking import Compared, tracking
 from masmc_ros.report.page.page import report_page
+from masmc_ros.robot.joint_names import joint_names_of
+from masmc_ros.robot.mechanisms import mechanism_from
 import numpy as np
 import pytest
 
@@ -335,6 +339,57 @@ def test_report_page_complete_log_has_no_warning(both: Page) -> None:
     assert 'controller/sliding_surface' in boxes[0].text
 
 
+def tree_run(**commands: Any) -> Run:
+    """Return a run of a robot of a URDF, with a prismatic joint, at rest."""
+    values = tree_parameters()
+    mechanism, times = mechanism_from(values), TIMES[:50]
+    joints = len(mechanism.joints)
+    own = len(mechanism.own_rates)
+    signals = {
+        'torque': (times, np.ones((50, joints))), 'cmd_vel': none(2), 'arm_rates': none(own),
+        **commands,
+    }  # fmt: skip
+    return replace(
+        run_of(np.ones((50, len(mechanism.axes))), times),
+        position=np.zeros((50, len(mechanism.positions))),
+        velocity=np.zeros((50, len(mechanism.positions))),
+        applied_effort=np.zeros((50, joints)),
+        reference=None,
+        parameters={},
+        mechanism=mechanism,
+        joint_names=joint_names_of(mechanism),
+        **{
+            name: series(*value) if isinstance(value, tuple) else value
+            for name, value in signals.items()
+        },
+    )
+
+
+def test_report_page_prismatic_joint_has_units_of_force_and_speed() -> None:
+    force = page(tree_run())
+    names = [trace['name'] for trace in force.figure('run-1-torque')['data']]
+    assert names[2:4] == ['turret_joint (N·m)', 'lift_joint (N)']
+    titles = [force.figure(name)['layout']['yaxis']['title']['text'] for name in force.figures()]
+    assert '<i>|τ|</i> (N·m, N)' in titles
+    times = TIMES[:50]
+    speed = page(
+        tree_run(
+            torque=none(7), cmd_vel=(times, np.ones((50, 2))), arm_rates=(times, np.ones((50, 5)))
+        )
+    )
+    names = [trace['name'] for trace in speed.figure('run-1-speed')['data']]
+    assert names == ['forward speed', 'lift_joint']
+
+
+def test_report_page_notes_are_about_its_robots() -> None:
+    (note, *_) = page(tree_run()).root.find_all('p', **{'class': 'note'})[1:]
+    assert 'all seven commands' in note.text
+    assert 'E and F' not in note.text
+    (note, *_) = page(paper_like()).root.find_all('p', **{'class': 'note'})[1:]
+    assert note.text.startswith('E and F: distance of the end effector')
+    assert 'all four commands' in note.text
+
+
 @pytest.mark.parametrize('count', [1, 2])
 def test_report_page_shortest_runs_are_plotted(count: int) -> None:
     run = run_of(np.ones((count, 4)), TIMES[:count])
@@ -379,6 +434,13 @@ def test_report_page_texts_of_logs_are_escaped() -> None:
 def test_report_page_any_file_name_is_shown(name: str) -> None:
     run = replace(paper_like(f'{name}.mcap'), parameters={})
     assert page(run).table(id='metrics')[1][0] == name
+
+
+def test_report_page_file_name_without_text_is_shown() -> None:
+    """On Linux a name is bytes; Python reads those that are no UTF-8 as surrogates."""
+    run = replace(paper_like('bad\udcff.mcap'), parameters={})
+    assert page(run).table(id='metrics')[1][0] == 'bad?'
+    assert 'bad?.mcap: 2001 states' in page(run).root.text
 
 
 def test_report_page_equal_runs_give_equal_page(changed: Run) -> None:

@@ -9,15 +9,18 @@ import csv
 from dataclasses import replace
 import io
 import math
+from pathlib import Path
 from typing import Any
 
-from helpers.report_runs import paper_like, with_change
+from helpers.report_runs import paper_like, telling, with_change
 from hypothesis import given
 from hypothesis import strategies as st
 from masmc_ros.report.aligned import aligned
+from masmc_ros.report.draw.figures import figure_names
 from masmc_ros.report.measure.labels import labels
 from masmc_ros.report.measure.metrics import Metrics, metrics, Reached
 from masmc_ros.report.measure.table import csv_table, markdown_table, number, text_table
+from masmc_ros.report.report import write_report
 from masmc_ros.robot.mechanisms import DEFAULT
 import pytest
 
@@ -65,6 +68,15 @@ def test_label_log_without_parameters_is_file_name() -> None:
     assert labels([replace(paper_like('bags/lab.mcap'), parameters={})]) == ['lab']
 
 
+def test_labels_current_folder_has_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    run = replace(paper_like('.'), parameters={})
+    assert labels([run]) == [tmp_path.name]
+    assert figure_names([run])[0][0] == f'{tmp_path.name}_path.png'
+
+
 @given(st.lists(st.sampled_from(['a', 'x/a', 'y/a', 'b', 'q' * 60, 'x/' + 'q' * 60]), min_size=1))
 def test_labels_of_several_runs_are_unique(paths: list[str]) -> None:
     run_labels = labels([paper_like(f'{path}.mcap') for path in paths])
@@ -101,6 +113,19 @@ def test_text_table_columns_are_aligned() -> None:
     ]
     for line in (first, second):
         assert all(line[i] != ' ' for i in edges[1:])
+
+
+@pytest.mark.slow
+def test_report_diverged_run_has_infinite_distances(
+    tmp_path: Path, recwarn: pytest.WarningsRecorder
+) -> None:
+    run = paper_like()
+    error = run.telemetry['error'].values.copy()
+    error[1500:] = 1e200
+    write_report([telling(run, error=(run.times, error))], tmp_path)
+    assert not recwarn.list
+    row = (tmp_path / 'table.txt').read_text(encoding='utf-8').splitlines()[3].split()
+    assert row[5:13] == [*4 * ['inf'], *2 * ['does', 'not']]
 
 
 def test_markdown_table_has_one_cell_per_column() -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+import json
 import os
 from pathlib import Path
 import subprocess
@@ -120,7 +121,8 @@ def _run(
         f'plant:wait_for:=[{", ".join(n for n in NODES if n != "plant")}]',
         # Also if the file sets real time: a slow machine then loses no tick.
         *(f'{node}:pacing:=lockstep' for node in NODES),
-        f'recorder:output:={log}',
+        # Quoted: YAML reads '#' as a comment, and ': ' as a mapping.
+        f'recorder:output:={json.dumps(str(log), ensure_ascii=False)}',
         'recorder:overwrite:=true',
     ):
         arguments += ['-p', setting]

@@ -9,11 +9,13 @@ import argparse
 from collections.abc import Iterable
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from masmc_ros.cli.arguments import add_file
 from masmc_ros.errors import InputError
+from masmc_ros.law.command_interface import is_hybrid
 from masmc_ros.log.read.reader import is_log, read_run
+from masmc_ros.log.recover.overlap import check_apart
 from masmc_ros.messages.names import COMMAND_TOPIC, STATE_TOPIC, telemetry_topic
 from masmc_ros.messages.telemetry import STAMP_NUMBERS
 from masmc_ros.output_files import write_file
@@ -54,36 +56,55 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Write the layout for the robot of a parameter file or a log."""
     path = Path(options.output)
-    write_layout(mechanism_of(options.file), path)
+    check_apart([path], [scenario_file(options.file)])
+    write_layout(robot_in(options.file), path)
     print(f'{path}: in Foxglove, Layouts > Import from file')
     return 0
 
 
-def mechanism_of(source: str) -> Mechanism:
-    """Return the mechanism of a parameter file, or of the parameters in a log."""
+class LoggedRobot(NamedTuple):
+    """Mechanism, and whether its base follows velocities and its arm torques."""
+
+    mechanism: Mechanism
+    is_hybrid: bool = False
+
+
+def robot_in(source: str) -> LoggedRobot:
+    """
+    Return the robot of a parameter file, or of the parameters in a log.
+
+    The log of a robot has no simulated plant: the parameters of its controller describe it.
+    """
     if is_log(Path(source)):
-        parameters = read_run(source).parameters
-        if 'plant' not in parameters:
-            raise InputError(f'{source}: no parameters of the plant, which describe the robot')
-        return mechanism_from(parameters['plant'])
-    return mechanism_from(load_scenario(scenario_file(source))['plant'])
+        run = read_run(source)
+        if run.parameters.keys().isdisjoint(('plant', 'controller')):
+            raise InputError(
+                f'{source}: no parameters of the plant or the controller, which describe the robot'
+            )
+        return LoggedRobot(run.mechanism, run.is_hybrid)
+    values = load_scenario(scenario_file(source))['plant']
+    return LoggedRobot(mechanism_from(values), is_hybrid(values))
 
 
-def write_layout(mechanism: Mechanism, path: Path) -> None:
-    """Write the layout for a mechanism; InputError if that is not possible."""
-    write_file(path, json.dumps(layout_for(mechanism), indent=2).encode())
+def write_layout(robot: LoggedRobot, path: Path) -> None:
+    """Write the layout for a robot; InputError if that is not possible."""
+    write_file(path, json.dumps(layout_for(*robot), indent=2).encode())
 
 
-def layout_for(mechanism: Mechanism) -> dict[str, Any]:
+def layout_for(mechanism: Mechanism, is_hybrid: bool = False) -> dict[str, Any]:
     """
     Return the layout for a mechanism: that of the paper's robot with other plots.
 
-    The joints except those of the base replace the plot of the plane.
+    The joints except those of the base replace the plot of the plane. With a hybrid interface
+    only their torques are commanded.
     """
     panels: dict[str, Any] = json.loads(shared_file('config', 'foxglove.json').read_text('utf-8'))
+    plots = _plots(mechanism, is_hybrid)
     if mechanism.name == DEFAULT.name:
-        return panels
-    for name, (title, lines) in _plots(mechanism).items():
+        if not is_hybrid:
+            return panels
+        plots = {'torque': plots['torque']}
+    for name, (title, lines) in plots.items():
         panel = panels['configById'][f'Plot!{name}']
         template = panel['paths'][0]
         panel['paths'] = [
@@ -95,14 +116,17 @@ def layout_for(mechanism: Mechanism) -> dict[str, Any]:
         for setting in ('minYValue', 'maxYValue', 'xAxisPath'):
             panel.pop(setting, None)
         panel.update({'xAxisVal': 'timestamp', 'isSynced': True, 'sidebarDimension': _LEGEND})
+    if mechanism.name == DEFAULT.name:
+        return panels
     del panels['userNodes']['paths']
     panels['configById']['3D!scene']['cameraState'].update(_CAMERA)
     return panels
 
 
-def _plots(mechanism: Mechanism) -> dict[str, tuple[str, Lines]]:
+def _plots(mechanism: Mechanism, is_hybrid: bool) -> dict[str, tuple[str, Lines]]:
     """Return title and lines of the plots that depend on the mechanism, by their names."""
     axes, joints, theta = mechanism.axes, mechanism.joints, mechanism.theta
+    driven = mechanism.own_rates if is_hybrid else joints
     limb = joints[mechanism.groups[-1].joints] if mechanism.groups else joints
     places = {place.name: i for i, place in enumerate(mechanism.positions)}
     estimates, title = _telemetry('parameter_estimate', theta), 'Parameter estimate θ̂'
@@ -128,8 +152,8 @@ def _plots(mechanism: Mechanism) -> dict[str, tuple[str, Lines]]:
         ),
         'estimate': (title, estimates),
         'torque': (
-            f'Torque or force τ ({_units(joint.effort_unit for joint in joints)})',
-            [(joint.short, f'/{COMMAND_TOPIC}.data[{i}]') for i, joint in enumerate(joints)],
+            f'Torque or force τ ({_units(joint.effort_unit for joint in driven)})',
+            [(joint.short, f'/{COMMAND_TOPIC}.data[{i}]') for i, joint in enumerate(driven)],
         ),
         'gains': (
             'Gain changes',

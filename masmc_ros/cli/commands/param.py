@@ -10,6 +10,7 @@ Arguments and output are those of `ros2 param`; the exit status of a rejected va
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 from typing import Any, TYPE_CHECKING
 
@@ -31,7 +32,7 @@ _REJECTED = 1
 _LONGEST_NAME = 200
 """Longest name of a node, whose services have longer names."""
 
-_KINDS = {bool: 'Boolean', int: 'Integer', float: 'Double', str: 'String'}
+_KINDS = {bool: 'Boolean', int: 'Integer', float: 'Double', str: 'String', bytes: 'Byte'}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -60,6 +61,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             sub.add_argument('name', help='parameter, such as k_s1')
         if verb == 'set':
             sub.description = 'Change a value while the node runs.'
+            # By default -1e-3 is an option.
+            sub._negative_number_matcher = re.compile(r'-[.\d]')
             sub.add_argument('value', help='as in a parameter file: 150, [1.0, 2.0], smc')
         if verb == 'get':
             sub.add_argument('--hide-type', action='store_true', help='print the value alone')
@@ -123,11 +126,18 @@ def _dump(session: ParameterSession, node: str) -> int:
     names = session.names(node)
     tree: dict[str, Any] = {}
     for name, value in zip(names, session.values(node, names), strict=True):
-        block = tree
+        plain = _plain(value)
+        if plain is None or value.byte_array_value:
+            print(f'{node}: {name} has no value that a file can contain', file=sys.stderr)
+            continue
         *outer, last = name.split('.')
+        if any('.'.join(outer[:i + 1]) in names for i in range(len(outer))):
+            # In a file, a parameter with a value contains no others.
+            outer, last = [], name
+        block = tree
         for part in outer:
             block = block.setdefault(part, {})
-        block[last] = _plain(value)
+        block[last] = plain
     print(yaml.dump({node: {'ros__parameters': tree}}, default_flow_style=None), end='')
     return 0
 

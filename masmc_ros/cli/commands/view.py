@@ -17,7 +17,7 @@ import sys
 from tempfile import TemporaryDirectory
 from urllib.parse import urlencode
 
-from masmc_ros.cli.commands.layout import mechanism_of, write_layout
+from masmc_ros.cli.commands.layout import robot_in, write_layout
 from masmc_ros.cli.show.file_server import FileServer, HOST
 from masmc_ros.cli.show.served_meshes import described, write_with_addresses
 from masmc_ros.errors import InputError
@@ -87,17 +87,23 @@ def _served(server: FileServer, path: Path, folder: Path) -> str:
         return server.add(mesh, f'{len(server.files)}/{mesh.name}')
 
     copy = folder / path.name
-    write_with_addresses(path, copy, description, address)
+    try:
+        write_with_addresses(path, copy, description, address)
+    except OSError as error:
+        raise InputError(
+            f'{copy}: cannot be written: {error.strerror}; set TMPDIR to a folder with space for'
+            ' a copy of the log'
+        ) from error
     return server.add(copy)
 
 
 def _layout_of(path: Path) -> Path:
     """Return the layout for the robot of a log, by default that of the paper's robot."""
     with suppress(InputError):
-        mechanism = mechanism_of(str(path))
-        if mechanism.name != DEFAULT.name:
+        robot = robot_in(str(path))
+        if robot.mechanism.name != DEFAULT.name or robot.is_hybrid:
             layout = runtime_folder() / 'layout.json'
-            write_layout(mechanism, layout)
+            write_layout(robot, layout)
             return layout
     return shared_file('config', 'foxglove.json')
 
@@ -153,7 +159,11 @@ def _tunnel(port: int) -> str:
         return ''
     # Client, its port, server, its port.
     host = remote[2] if len(remote) == 4 else socket.gethostname()
-    command = f'ssh -N -L {port}:{HOST}:{port} {getpass.getuser()}@{host}'
+    user = 'USER'
+    # A container may run as a user without a name; Python before 3.13 raises KeyError.
+    with suppress(KeyError, OSError):
+        user = getpass.getuser()
+    command = f'ssh -N -L {port}:{HOST}:{port} {user}@{host}'
     if len(remote) == 4 and remote[3] != '22':
         command += f' -p {remote[3]}'
     return (

@@ -13,6 +13,7 @@ from __future__ import annotations
 from contextlib import suppress
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+import os
 from pathlib import Path
 import re
 import secrets
@@ -52,7 +53,7 @@ class FileServer(ThreadingHTTPServer):
 
     def add(self, path: Path, name: str = '') -> str:
         """Serve a file, by default with its own name; return its address."""
-        location = f'/{self._secret}/{quote(name or path.name)}'
+        location = f'/{self._secret}/{quote(os.fsencode(name or path.name))}'
         self.files[location] = path
         return f'http://{HOST}:{self.server_port}{location}'
 

@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 import os
 from pathlib import Path
 import shutil
-from typing import NamedTuple
+from typing import BinaryIO, NamedTuple
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.mcap.chunks import arrived_records, OpenChunk
@@ -39,23 +39,38 @@ class Described(NamedTuple):
 
 
 def described(path: Path) -> Described | None:
-    """Return the robot description of a log with local meshes; None without one."""
-    with path.open('rb') as stream:
-        reader = make_reader(stream)
-        summary = reader.get_summary()
-        channels = {} if summary is None else summary.channels
-        topics = [
-            channel.topic
-            for channel in channels.values()
-            if channel.topic.endswith(f'/{DESCRIPTION_TOPIC}')
-        ]
-        messages = [message for _, _, message in reader.iter_messages(topics)] if topics else []
+    """
+    Return the robot description of a log with local meshes; None without one.
+
+    Raises InputError if the log is damaged.
+    """
+    try:
+        with path.open('rb') as stream:
+            messages = _descriptions(stream)
+    except Exception as error:  # mcap and the compressors raise many kinds for damaged bytes
+        raise InputError(
+            f'{path}: the log is damaged: {type(error).__name__} {error}; `masmc recover {path}`'
+            ' completes it'
+        ) from error
     try:
         text = text_of(messages[-1].data)
         meshes = mesh_files(text)
     except (IndexError, InputError):
         return None
     return Described(text, meshes, messages[-1]) if meshes else None
+
+
+def _descriptions(stream: BinaryIO) -> list[Message]:
+    """Return the messages of a log with robot descriptions, in the order of their times."""
+    reader = make_reader(stream)
+    summary = reader.get_summary()
+    channels = {} if summary is None else summary.channels
+    topics = [
+        channel.topic
+        for channel in channels.values()
+        if channel.topic.endswith(f'/{DESCRIPTION_TOPIC}')
+    ]
+    return [message for _, _, message in reader.iter_messages(topics)] if topics else []
 
 
 def write_with_addresses(

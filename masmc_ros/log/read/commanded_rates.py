@@ -41,9 +41,10 @@ def twists(topic: Topic, joint_commands: Series | None, places: Sequence[int]) -
     """
     is_stamped = topic.schema is not None and topic.schema.name == TWIST_STAMPED
     message: TwistStampedCdr | TwistCdr = TwistStampedCdr() if is_stamped else TwistCdr()
-    stamps, values = [], []
+    stamps, values, orders = [], [], []
     make = None
-    for log_time, raw in zip(topic.log_times, topic.messages, strict=True):
+    messages = zip(topic.log_times, topic.messages, topic.orders, strict=True)
+    for log_time, raw, order in messages:
         # Errors other than InputError: the definition in the log is that of another type.
         with suppress(InputError, AttributeError, TypeError, ValueError):
             twist, stamp = message, log_time
@@ -57,6 +58,11 @@ def twists(topic: Topic, joint_commands: Series | None, places: Sequence[int]) -
             if np.isfinite(numbers).all():
                 stamps.append(stamp)
                 values.append(numbers[list(places)])
+                orders.append(order)
     if not is_stamped and joint_commands is not None and len(joint_commands) == len(stamps):
         stamps = joint_commands.stamps.tolist()
-    return Series(np.array(stamps, np.int64), np.array(values).reshape(-1, len(places)))
+    return Series(
+        np.array(stamps, np.int64),
+        np.array(values).reshape(len(values), len(places)),
+        np.array(orders, np.int64),
+    )

@@ -7,11 +7,14 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from masmc_ros.control.stamp_order import in_time
+from masmc_ros.errors import InputError
 from masmc_ros.messages.cdr_layout import NANOSECONDS
 from masmc_ros.messages.names import STATE_TOPIC
+from masmc_ros.messages.stamps import header_stamp
 from mcap.reader import make_reader
 import numpy as np
 from numpy.typing import NDArray
@@ -133,7 +136,9 @@ def state_gaps(path: Path) -> dict[str, Gaps]:
         names = [c.topic for c in channels if f'/{c.topic}'.endswith(f'/{STATE_TOPIC}')]
         if names:
             for _, channel, message in reader.iter_messages(names, log_time_order=False):
-                topics[channel.topic].add(message.log_time)
+                # Other recorders log the time of arrival.
+                with suppress(InputError):
+                    topics[channel.topic].add(header_stamp(message.data))
     for gaps in topics.values():
         gaps.look()
     return {topic: gaps for topic, gaps in topics.items() if gaps.count}

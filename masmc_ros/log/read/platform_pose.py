@@ -10,14 +10,14 @@ from contextlib import suppress
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.contents import Topic
 from masmc_ros.log.read.decode import message_decoder, Series
-from masmc_ros.log.read.timeline import last_pass
+from masmc_ros.log.read.timeline import last_pass, PassStart
 from masmc_ros.messages.cdr_layout import checked_stamp
 from masmc_ros.messages.platform_messages import odometry_numbers
 from masmc_ros.robot.base_pose import BasePose, OLDEST_POSE_NS
 import numpy as np
 
 
-def with_platform_pose(states: Series, odometry: Topic) -> Series:
+def with_platform_pose(states: Series, odometry: Topic, pass_start: PassStart) -> Series:
     """
     Add the platform's pose to states, as a controller with `pose_source: odom`.
 
@@ -27,6 +27,8 @@ def with_platform_pose(states: Series, odometry: Topic) -> Series:
         (N, 3 n) positions, velocities and efforts; stamps ascend.
     odometry
         messages of nav_msgs/Odometry; those that a controller rejects are ignored.
+    pass_start
+        start of the last pass; earlier poses are void from its first stamp on.
 
     Returns
     -------
@@ -39,12 +41,15 @@ def with_platform_pose(states: Series, odometry: Topic) -> Series:
 
     """
     decode = message_decoder(odometry)
-    poses = []
-    for raw in odometry.messages:
+    poses, orders = [], []
+    for raw, order in zip(odometry.messages, odometry.orders, strict=True):
         with suppress(InputError, AttributeError, TypeError, ValueError, OverflowError):
             stamp, pose, twist = odometry_numbers(decode(raw))
             poses.append((checked_stamp(stamp), pose, twist))
-    kept = last_pass(np.array([stamp for stamp, _, _ in poses], np.int64))
+            orders.append(order)
+    stamps = np.array([stamp for stamp, _, _ in poses], np.int64)
+    valid = np.flatnonzero(pass_start.are_valid(np.array(orders, np.int64), stamps))
+    kept = valid[last_pass(stamps[valid])]
     waiting = [poses[index] for index in reversed(kept.tolist())]
     base, values = BasePose(), states.values.copy()
     posed = np.zeros(len(states.stamps), bool)

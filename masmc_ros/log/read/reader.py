@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
+from statistics import mode
 from typing import cast
 
 from masmc_ros.aliases import Array
@@ -221,7 +222,7 @@ def _run(path: Path, contents: LogContents) -> Run:
     kept = taken[last_pass(every_state.stamps[taken])]
     states = decode.Series(every_state.stamps[kept], every_state.values[kept])
     if odometry is not None:
-        states = with_platform_pose(states, odometry)
+        states = with_platform_pose(states, odometry, pass_start)
     history = parameter_history(contents, namespace, pass_start)
     _insert_description(history.start, contents, namespace)
     position, velocity, effort = np.hsplit(states.values, 3)
@@ -239,22 +240,23 @@ def _run(path: Path, contents: LogContents) -> Run:
     reference = None
     if topic is not None:
         reference = sample_reference(decode.decode_references(topic, axes), states.stamps, axes)
+    contact = _topic(contents, namespace + message_names.CONTACT_TOPIC, FLOAT_ARRAY)
     signals = {}
     for signal in PUBLISHED:
         count = signal.count(mechanism.sizes)
         name = message_names.telemetry_topic(signal.label)
-        values = series(name, decode.telemetry(signal.label, count))
-        if values is not None:
-            signals[signal.name] = _last_pass(values, count)
+        values = _last_pass(series(name, decode.telemetry(signal.label, count)), count, pass_start)
+        if len(values):
+            signals[signal.name] = values
     return Run(
         path=path,
         times=states.times,
         position=position,
         velocity=velocity,
         applied_effort=effort[:, base:],
-        torque=_last_pass(efforts, len(names) - base),
-        cmd_vel=_last_pass(twist, twist_size),
-        arm_rates=_last_pass(arm_rates, len(rated.joints)),
+        torque=_last_pass(efforts, len(names) - base, pass_start),
+        cmd_vel=_last_pass(twist, twist_size, pass_start),
+        arm_rates=_last_pass(arm_rates, len(rated.joints), pass_start),
         reference=reference,
         telemetry=signals,
         parameters=history.start,
@@ -266,7 +268,7 @@ def _run(path: Path, contents: LogContents) -> Run:
         mechanism=mechanism,
         joint_names=names,
         elsewhere=tuple(_elsewhere(contents, namespace, *_TYPES)),
-        contact=_contact(_topic(contents, namespace + message_names.CONTACT_TOPIC, FLOAT_ARRAY)),
+        contact=_contact(contact, pass_start),
     )
 
 
@@ -275,13 +277,16 @@ def _is_hybrid(parameters: Mapping[str, Values]) -> bool:
     return interface == COMMAND_INTERFACES[HYBRID]
 
 
-def _contact(topic: Topic | None) -> decode.Series | None:
+def _contact(topic: Topic | None, pass_start: PassStart) -> decode.Series | None:
     """Return the last pass of contacts with the ground, for any number of contacts."""
     label = message_names.CONTACT_LABEL
-    count = 0 if topic is None else telemetry_count(label, len(topic.messages[0]))
+    # The size of most messages: one may be of a third-party node.
+    count = 0 if topic is None else telemetry_count(label, mode(map(len, topic.messages)))
     if topic is not None and count > 0 and not count % len(CONTACT):
         with suppress(InputError):
-            return _last_pass(decode.decode_topic(topic, decode.telemetry(label, count)), count)
+            series = decode.decode_topic(topic, decode.telemetry(label, count))
+            kept = _last_pass(series, count, pass_start)
+            return kept if len(kept) else None
     return None
 
 
@@ -396,10 +401,14 @@ def _type_name(topic: Topic) -> str:
     return topic.schema.name if topic.schema else 'no type'
 
 
-def _last_pass(series: decode.Series | None, width: int) -> decode.Series:
+def _last_pass(
+    series: decode.Series | None, width: int, pass_start: PassStart
+) -> decode.Series:
     """Return the last pass of a series; an empty series of a width for a missing topic."""
     if series is None:
         return decode.Series(np.zeros(0, np.int64), np.zeros((0, width)))
-    kept = last_pass(series.stamps)
+    assert series.orders is not None
+    valid = np.flatnonzero(pass_start.are_valid(series.orders, series.stamps))
+    kept = valid[last_pass(series.stamps[valid])]
     is_void = None if series.is_void is None else series.is_void[kept]
     return decode.Series(series.stamps[kept], series.values[kept], is_void=is_void)

@@ -20,6 +20,9 @@ _TOLERANCE = 1
 
 _END_OF_TIME = np.iinfo(np.int64).max
 
+_REACH = 10_000
+"""Number of messages of a log by which its topics may be out of order."""
+
 
 def last_pass(stamps: Stamps) -> NDArray[np.intp]:
     """
@@ -59,16 +62,39 @@ class PassStart:
         steps = np.diff(self._stamps)
         self._first = int(np.max(np.flatnonzero(steps < 0) + 1, initial=0))
         self._period = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
+        if self._first:
+            self._order, self._stamp = int(self._orders[self._first]), self._stamps[self._first]
+            # States further away belong to no record whose pass is in question.
+            ends = self._order - 2 * _REACH, self._order + 2 * _REACH
+            start, end = np.searchsorted(self._orders, ends).tolist()
+            start = min(start, self._first - 1)
+            self._orders, self._stamps = self._orders[start:end], self._stamps[start:end]
+            self._first -= start
 
     def is_over(self, order: int, stamp: int | None = None) -> bool:
         """Return True if a record, with the stamp of its state if any, is of the last pass."""
         if not self._first:
             return True
-        if stamp is None:
-            return order > int(self._orders[self._first])
+        if stamp is None or abs(order - self._order) > _REACH:
+            return order > self._order
         ticks = np.abs(self._stamps - stamp) / self._period
         distances = ticks + np.abs(self._orders - order)
         return bool(distances[self._first:].min() < distances[:self._first].min())
+
+    def are_valid(self, orders: NDArray[np.int64], stamps: Stamps) -> NDArray[np.bool_]:
+        """
+        Return which records (n) of a topic the reset did not make void.
+
+        A topic may have no messages in the last pass, or none at its start: its own stamps do not
+        show the reset then. Void are records of earlier passes at or after the new time.
+        """
+        if not self._first:
+            return np.ones(len(orders), np.bool_)
+        is_valid = (orders > self._order) | (stamps < self._stamp)
+        for index in np.flatnonzero(np.abs(orders - self._order) <= _REACH).tolist():
+            stamp = int(stamps[index])
+            is_valid[index] = stamp < self._stamp or self.is_over(int(orders[index]), stamp)
+        return is_valid
 
 
 class _Samples(NamedTuple):

@@ -86,7 +86,7 @@ class ParameterSession:
 
     def values(self, node: str, names: Sequence[str]) -> list[ParameterValue]:
         """
-        Return the current values.
+        Return the current values, of type PARAMETER_NOT_SET for one without a value.
 
         Raises UserError if there is no such node or no such parameter.
         """
@@ -94,13 +94,21 @@ class ParameterSession:
         for name in names:
             if name not in known:
                 raise UserError(f"{node} has no parameter '{name}'; {suggestion(name, known)}")
-        response = self._call(node, lambda client: client.get_parameters(list(names)))
-        return list(response.values)
+        values = self._answered(node, names)
+        if len(values) != len(names):
+            # If one of them has no value, the service returns none of them.
+            single = (self._answered(node, [name]) for name in names)
+            values = [value[0] if value else ParameterValue() for value in single]
+        return values
 
     def assign(self, node: str, parameter: Parameter) -> SetParametersResult:
         """Set a parameter; return the node's result. UserError if there is no such node."""
         response = self._call(node, lambda client: client.set_parameters([parameter]))
         return response.results[0]
+
+    def _answered(self, node: str, names: Sequence[str]) -> list[ParameterValue]:
+        response = self._call(node, lambda client: client.get_parameters(list(names)))
+        return list(response.values)
 
     def _call(self, node: str, send: Callable[[AsyncParameterClient], Future]) -> Any:
         if node not in self._clients:

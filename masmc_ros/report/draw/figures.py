@@ -13,7 +13,7 @@ from masmc_ros.report.draw.comparison import comparison_figure
 from masmc_ros.report.draw.error import error_figure
 from masmc_ros.report.draw.path_figure import path_figure
 from masmc_ros.report.draw.style import paper_style, png
-from masmc_ros.report.measure.labels import law_of
+from masmc_ros.report.measure.labels import law_of, log_name
 from masmc_ros.report.measure.metrics import Metrics
 from masmc_ros.report.measure.tracking import Compared
 from masmc_ros.robot.declaration import Mechanism
@@ -67,7 +67,7 @@ def figure_names(runs: Sequence[Run]) -> list[list[str]]:
         is_paper = run.mechanism.name == DEFAULT.name
         first = numbers.pop(law, None) if law is not None and is_paper else None
         if first is None:
-            stem = file_stem(run.path.stem, taken)
+            stem = file_stem(log_name(run), taken)
             names.append([f'{stem}_{kind}.png' for kind in kinds])
         else:
             names.append([f'figure_{first + i}_{law}_{kind}.png' for i, kind in enumerate(kinds)])

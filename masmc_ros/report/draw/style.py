@@ -11,6 +11,7 @@ from html import unescape
 import io
 import math
 from typing import Any
+import warnings
 
 from masmc_ros.report.panels import COLOURS, Line
 import matplotlib
@@ -87,7 +88,9 @@ def paper_style() -> Iterator[None]:
     """Draw and save figures in the style of this package, independent of the user's settings."""
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
-        with matplotlib.rc_context(_STYLE):
+        with matplotlib.rc_context(_STYLE), warnings.catch_warnings():
+            # A letter that the font lacks, such as a Chinese one, is drawn as a box.
+            warnings.filterwarnings('ignore', 'Glyph', UserWarning)
             yield
 
 

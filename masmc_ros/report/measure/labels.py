@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+import os
+from pathlib import Path
 
 from masmc_ros.law import registry
 from masmc_ros.log.read.reader import Run
@@ -32,7 +34,7 @@ def labels(runs: Sequence[Run]) -> list[str]:
     """
     plain = [_law_label(run) for run in runs]
     files = _different(
-        [_short(run.path.stem) for run in runs], [_short(str(run.path)) for run in runs]
+        [_short(log_name(run)) for run in runs], [_short(str(run.path)) for run in runs]
     )
     count = Counter(plain)
     named = [
@@ -40,6 +42,11 @@ def labels(runs: Sequence[Run]) -> list[str]:
         for label, file in zip(plain, files, strict=True)
     ]
     return _numbered(named)
+
+
+def log_name(run: Run) -> str:
+    """Return the name of a log without its suffix, also of the current folder."""
+    return Path(os.path.abspath(run.path)).stem
 
 
 def law_of(run: Run) -> str | None:
@@ -85,9 +92,14 @@ def _switching(controller: Values) -> list[str]:
     return [name]
 
 
+def as_text(name: str) -> str:
+    """Return a file name with '?' for bytes that are no text, which no page can contain."""
+    return name.encode(errors='replace').decode()
+
+
 def _short(name: str) -> str:
-    """Return a name on one line, of a long one the end."""
-    name = ' '.join(name.split())
+    """Return a name as text on one line, of a long one the end."""
+    name = ' '.join(as_text(name).split())
     return name if len(name) <= _LONGEST else f'…{name[1 - _LONGEST :]}'
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 import csv
+from functools import partial
 import io
 import math
 from operator import attrgetter
@@ -81,22 +82,26 @@ def _column(
 
 def text_table(rows: Mapping[str, Metrics], width: int = sys.maxsize) -> str:
     """Return metrics by label as an aligned table, errors in mm or mrad, and their meaning."""
-    points = points_of(rows.values())
     top, body = heads(rows), cells(rows)
     table = aligned([*zip(*top, strict=True), *body], (0,), rule=2, width=width)
+    return '\n'.join([*table, '', *(fill(note, width) for note in notes(rows))]) + '\n'
+
+
+def notes(rows: Mapping[str, Metrics]) -> list[str]:
+    """Return the meaning of the columns, a text for each kind."""
+    points = points_of(rows.values())
     units = ' or '.join(dict.fromkeys(point.small_unit for point in points))
     titles = listed([f'of the {point.title.removeprefix("the ")}' for point in points])
     count = max(row.joints for row in rows.values())
     commands = _COUNTS[count] if count < len(_COUNTS) else str(count)
-    notes = (
+    texts = (
         f'{symbols_of(points)}: distance {titles} from the reference.',
         f'Settles: time after which it stays below {BAND:.0%} of the first distance, or'
         f' {FLOOR * SMALL:g} {units} if that is more.',
         f'Torque variation: sum of the changes of all {commands} commands, per second.',
         contact_note(rows),
     )
-    texts = (fill(note, width) for note in notes if note)
-    return '\n'.join([*table, '', *texts]) + '\n'
+    return [text for text in texts if text]
 
 
 def markdown_table(rows: Mapping[str, Metrics]) -> str:
@@ -143,7 +148,7 @@ def cells(rows: Mapping[str, Metrics]) -> list[list[str]]:
     """Return the cells of the runs, one text per column."""
     shown = columns(rows.values())
     return [
-        [label, f'{row.start:g}-{row.end:g}', *(_text(c.value(row), c.factor) for c in shown)]
+        [label, f'{row.start:g}-{row.end:g}', *map(partial(_cell, row), shown)]
         for label, row in rows.items()
     ]
 
@@ -154,10 +159,14 @@ def distance_text(row: Metrics) -> str:
     return f'RMS error of {point.title} {_text(reached.rms, SMALL)} {point.small_unit}'
 
 
-def _text(value: float | None, factor: float = 1.0) -> str:
-    if value is None:
-        return '-'
-    return 'does not' if value == math.inf else number(value * factor)
+def _cell(row: Metrics, column: Column) -> str:
+    value = column.value(row)
+    # An infinite distance is that of a diverged run, an infinite time is no settling.
+    return 'does not' if value == math.inf and column.unit == 's' else _text(value, column.factor)
+
+
+def _text(value: float | None, factor: float) -> str:
+    return '-' if value is None else number(value * factor)
 
 
 def number(value: float) -> str:

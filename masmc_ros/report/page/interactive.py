@@ -100,14 +100,18 @@ def _shown(run: Run, tracked: Tracking) -> Iterator[Panel]:
     yield from (_published(run, signal) for signal in signals if signal.size == 'axes')
     if run.commands_rates or len(run.cmd_vel):
         yield from _velocities(run)
-    drives = [joint.label for joint in mechanism.joints]
+    units = [joint.effort_unit for joint in mechanism.joints]
+    drives, quantity = [joint.label for joint in mechanism.joints], f'torque ({units[0]})'
+    if len(set(units)) > 1:
+        drives = [f'{name} ({unit})' for name, unit in zip(drives, units, strict=True)]
+        quantity = 'torque or force'
     title, drawn = 'Applied torques', lines(drives, run.times - start, run.applied_effort)
     if len(run.torque):
         title, drawn = 'Commanded torques', lines(
             drives, run.torque.times - start, run.torque.values
         )
         drawn += _raw_torques(run)
-    yield Panel('torque', title, 'torque (N·m)', drawn)
+    yield Panel('torque', title, quantity, drawn)
     yield from (_published(run, signal) for signal in signals if signal.size != 'axes')
     if run.contact is not None:
         yield from _contacts(run, run.contact)
@@ -163,7 +167,7 @@ def _velocities(run: Run) -> Iterator[Panel]:
     """Yield the commanded velocities, in m/s and in rad/s, each with its own times."""
     mechanism, start = run.mechanism, run.times[0]
     entries = [(velocity.name, velocity.unit) for velocity in mechanism.twist]
-    entries += [(joint.label, 'rad/s') for joint in mechanism.own_rates]
+    entries += [(joint.label, f'{joint.unit}/s') for joint in mechanism.own_rates]
     columns = [
         (series.times - start, values)
         for series in (run.cmd_vel, run.arm_rates)
@@ -175,5 +179,7 @@ def _velocities(run: Run) -> Iterator[Panel]:
     ]
     speeds = [line for unit, line in drawn if unit == 'm/s']
     rates = [line for unit, line in drawn if unit != 'm/s']
-    yield Panel('speed', 'Commanded speed', 'speed (m/s)', speeds)
-    yield Panel('rates', 'Commanded rates', 'rate (rad/s)', rates)
+    if speeds:
+        yield Panel('speed', 'Commanded speed', 'speed (m/s)', speeds)
+    if rates:
+        yield Panel('rates', 'Commanded rates', 'rate (rad/s)', rates)

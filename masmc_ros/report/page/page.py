@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from markupsafe import Markup
+from masmc_ros.report.measure.labels import as_text
 from masmc_ros.report.measure.metrics import Metrics
 from masmc_ros.report.measure.missing import missing
 from masmc_ros.report.measure.parameters import change_texts, run_changes, value_text
-from masmc_ros.report.measure.settling import BAND, FLOOR
-from masmc_ros.report.measure.table import cells, contact_note, heads
+from masmc_ros.report.measure.table import cells, heads, notes
 from masmc_ros.report.measure.tracking import Compared
 from masmc_ros.report.page.interactive import comparison_plots, Plot, run_plots, span_of
 from masmc_ros.report.page.template import rendered
@@ -38,9 +38,7 @@ def report_page(compared: Sequence[Compared], reached: Sequence[Metrics]) -> str
         _PAGE,
         heads=[f'{name} {unit}'.rstrip() for name, unit in heads(rows)],
         rows=cells(rows),
-        band=f'{BAND:.0%}',
-        floor=f'{FLOOR * 1e3:g} mm',
-        contact=contact_note(rows),
+        notes=notes(rows),
         comparison=_plots('all', comparison_plots(compared, span)),
         runs=[_run(number, entry, span) for number, entry in enumerate(compared, start=1)],
         plotly=_script(get_plotlyjs()),
@@ -61,7 +59,7 @@ def _run(number: int, entry: Compared, span: tuple[float, float]) -> dict[str, o
     return {
         'id': f'run-{number}',
         'label': entry.label,
-        'path': str(run.path),
+        'path': as_text(str(run.path)),
         'states': len(run.times),
         'duration': f'{run.times[-1] - run.times[0]:g}',
         'missing': missing(run, entry.tracked),
