@@ -30,7 +30,11 @@ LATE = 0.03
 """Age of states in s when they are sent."""
 
 MOST_TICKS = 4
-"""Maximum number of ticks to catch up; after longer delays of the test robot time is lost."""
+"""Maximum number of ticks to catch up, and of ticks with the same command.
+
+After longer delays of the test robot or of its controller time is lost: on a busy machine an arm
+with torques that are a tenth of a second old spins up.
+"""
 
 WATCHDOG = 0.1
 """Time in s without a command after which the drives hold zero velocity."""
@@ -41,6 +45,10 @@ class ForeignRobot:
 
     Attributes
     ----------
+    topics
+        names of the topics of torques and twists.
+    is_hybrid
+        whether the robot takes a twist for the base.
     velocities
         function from velocities in the joints' order to those in the message.
     is_on
@@ -108,7 +116,7 @@ class ForeignRobot:
         mechanism = self._robot.mechanism
         self._period, self._late = period, 0.0 if is_hybrid else late
         self._start = time.monotonic()
-        self._is_hybrid, self._has_brakes = is_hybrid, has_brakes
+        self.topics, self.is_hybrid, self._has_brakes = topics, is_hybrid, has_brakes
         self._names = joint_names(values)
         first, count = len(mechanism.base), len(self._names)
         # The order differs from that of the controller, which does not know the other joints.
@@ -158,7 +166,8 @@ class ForeignRobot:
 
     def _advance(self) -> None:
         """Advance the robot to the current time and publish its state."""
-        if not self.is_on:
+        age = time.monotonic() - self._commanded
+        if not self.is_on or MOST_TICKS * self._period < age <= WATCHDOG:
             return
         ticks = int((time.monotonic() - self._start) / self._period)
         if ticks <= self._robot.tick:
@@ -167,14 +176,14 @@ class ForeignRobot:
         lost = max(0, ticks - self._robot.tick - (0 if self._has_brakes else MOST_TICKS))
         self._start += lost * self._period
         # The drives hold zero velocity without a command, as those of real robots do.
-        is_held = time.monotonic() - self._commanded > WATCHDOG
-        twist = self._twist if self._is_hybrid else self._twist[:0]
+        is_held = age > WATCHDOG
+        twist = self._twist if self.is_hybrid else self._twist[:0]
         while self._robot.tick < ticks - lost:
             command = np.concatenate([twist, self._torque])
             self._robot.advance(None if is_held else command)
         self.velocities_seen.append(self._robot.true_velocity.copy())
         stamp = time.time_ns() - round(self._late * 1e9)
-        if self._is_hybrid:
+        if self.is_hybrid:
             self._publish_base(stamp)
         elif self.publishes_pose:
             self.publish_pose(stamp)

@@ -115,8 +115,11 @@ def first_motion(folder: Path, file: Path) -> Path:
 
 
 def activate(robot: Watched) -> None:
-    """Activate the controller when the robot publishes states."""
+    """Activate the controller when the recorder receives its commands."""
     robot.tester.until(lambda: robot.controller_states, 'the state of the controller')
+    count = robot.tester.node.count_subscribers
+    commands = robot.topics if robot.is_hybrid else robot.topics[:1]
+    robot.tester.until(lambda: all(count(topic) > 1 for topic in commands), 'the recorder')
     assert robot.controller_states == ['inactive: not enabled yet']
     request = ChangeState.Request(transition=Transition(label='activate'))
     assert robot.tester.call(ChangeState, '/controller/change_state', request, again=False).success
