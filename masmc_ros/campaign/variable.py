@@ -138,7 +138,7 @@ class Variable:
 
 
 def check_distinct(variables: Sequence[Variable]) -> None:
-    """Raise InputError if two variables write the same value, of which only one would apply."""
+    """Raise InputError if two variables write the same value: only one would apply."""
     for one, other in combinations(variables, 2):
         if one.name == other.name:
             raise InputError(f'{one.name}: varies twice; expected each parameter once')

@@ -164,7 +164,7 @@ def trials_named(names: str, mechanism: Mechanism) -> tuple[Trial, ...]:
     """
     Return the trials of a robot by their names, separated by commas.
 
-    `all`, `laws` and `hardware` are groups of trials, of which the suitable ones are returned.
+    `all`, `laws` and `hardware` are groups of trials, reduced to the suitable ones.
     Raises InputError for a name that is unknown or does not suit the robot.
     """
     known = {trial.name: trial for trial in (*TRIALS, *HARDWARE)}
