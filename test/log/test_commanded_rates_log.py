@@ -63,6 +63,7 @@ def stamps(run: Run) -> list[int]:
     return [round(time * 1e9 / TICK) for time in run.cmd_vel.times]
 
 
+@pytest.mark.slow
 def test_read_run_fixed_base_has_twists_without_numbers(tmp_path: Path) -> None:
     path = tmp_path / 'ur5.mcap'
     values = load_scenario(str(PAPER.with_name('ur5.yaml')))['plant']
