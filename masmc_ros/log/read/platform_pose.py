@@ -10,7 +10,7 @@ from contextlib import suppress
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.contents import Topic
 from masmc_ros.log.read.decode import message_decoder, Series
-from masmc_ros.log.read.timeline import last_pass, PassStart
+from masmc_ros.log.read.timeline import PassStart
 from masmc_ros.messages.cdr_layout import checked_stamp
 from masmc_ros.messages.platform_messages import odometry_numbers
 from masmc_ros.robot.base_pose import BasePose, OLDEST_POSE_NS
@@ -48,8 +48,7 @@ def with_platform_pose(states: Series, odometry: Topic, pass_start: PassStart) -
             poses.append((checked_stamp(stamp), pose, twist))
             orders.append(order)
     stamps = np.array([stamp for stamp, _, _ in poses], np.int64)
-    valid = np.flatnonzero(pass_start.are_valid(np.array(orders, np.int64), stamps))
-    kept = valid[last_pass(stamps[valid])]
+    kept = pass_start.kept(np.array(orders, np.int64), stamps)
     waiting = [poses[index] for index in reversed(kept.tolist())]
     base, values = BasePose(), states.values.copy()
     posed = np.zeros(len(states.stamps), bool)

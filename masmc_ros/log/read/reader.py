@@ -408,7 +408,6 @@ def _last_pass(
     if series is None:
         return decode.Series(np.zeros(0, np.int64), np.zeros((0, width)))
     assert series.orders is not None
-    valid = np.flatnonzero(pass_start.are_valid(series.orders, series.stamps))
-    kept = valid[last_pass(series.stamps[valid])]
+    kept = pass_start.kept(series.orders, series.stamps)
     is_void = None if series.is_void is None else series.is_void[kept]
     return decode.Series(series.stamps[kept], series.values[kept], is_void=is_void)

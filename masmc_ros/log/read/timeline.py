@@ -81,6 +81,11 @@ class PassStart:
         distances = ticks + np.abs(self._orders - order)
         return bool(distances[self._first:].min() < distances[:self._first].min())
 
+    def kept(self, orders: NDArray[np.int64], stamps: Stamps) -> NDArray[np.intp]:
+        """Return the indices of the records (n) of a topic that are valid and of its last pass."""
+        valid = np.flatnonzero(self.are_valid(orders, stamps))
+        return valid[last_pass(stamps[valid])]
+
     def are_valid(self, orders: NDArray[np.int64], stamps: Stamps) -> NDArray[np.bool_]:
         """
         Return which records (n) of a topic the reset did not make void.
