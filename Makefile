@@ -20,8 +20,13 @@ help:
 	@echo 'make soak   ten minutes in real time at 1 kHz; SECONDS=60 for a shorter try, HOSTILE=SEED with random input'
 	@echo 'make clean  remove what make and the demo made'
 
-$(VENV)/.installed: $(SOURCES)
-	@python=$$(tools/choose_python.sh $(PYTHON)) && \
+# With PYTHON=..., also if the environment exists already.
+.PHONY: check-python
+check-python:
+	@[ -z "$(PYTHON)" ] || tools/choose_python.sh "$(PYTHON)" $(BIN)/python >/dev/null
+
+$(VENV)/.installed: $(SOURCES) | check-python
+	@python=$$(tools/choose_python.sh "$(PYTHON)") && \
 	echo "Setting up $(VENV) with $$python (once, about 700 MB) ..." && \
 	if [ -n "$$AMENT_PREFIX_PATH" ]; then site=--system-site-packages; fi && \
 	$$python -m venv $$site $(VENV)
@@ -34,8 +39,12 @@ $(VENV)/.installed-dev: $(VENV)/.installed
 	@PYTHONWARNINGS=ignore $(PIP) --no-build-isolation -e .[test,lint]
 	@touch $@
 
+# The build of PyTorch without CUDA: 0.8 GB installed instead of several GB. Not all indices have it.
+TORCH = torch==$$(sed -n 's/^torch==//p' constraints.txt)+cpu
 $(VENV)/.installed-all: $(VENV)/.installed-dev
 	@PYTHONWARNINGS=ignore $(PIP) --no-build-isolation -e .[robots]
+	@PYTHONWARNINGS=ignore $(PIP) --no-build-isolation $(TORCH) -e .[baselines] 2>/dev/null || \
+		echo "pip has no $(TORCH); the tests of Stable-Baselines3 are skipped" >&2
 	@touch $@
 
 setup: $(VENV)/.installed
@@ -44,10 +53,11 @@ setup: $(VENV)/.installed
 demo: $(VENV)/.installed
 	@$(BIN)/masmc demo
 
-# The files of tests are shared out to processes, each file whole: its fixtures are made once, and
-# those that take minutes first (test/conftest.py). Tests of nodes wait more than they compute: four
-# processes keep two cores busy; among slow tests, which compile for longer, three.
-PYTEST = $(BIN)/python -m pytest --dist loadfile --no-loadscope-reorder
+# The files of tests are shared out to processes, each file whole but the pages of the documentation:
+# its fixtures are made once, and those that take minutes first (test/conftest.py). Tests of nodes
+# wait more than they compute: four processes keep two cores busy; among slow tests, which compile
+# for longer, three.
+PYTEST = $(BIN)/python -m pytest --dist loadfile --no-loadscope-reorder $(PYTEST_OPTIONS)
 
 test: $(VENV)/.installed-dev
 	@$(PYTEST) -n 4 -m 'not slow'
@@ -73,12 +83,13 @@ test-oldest:
 lint: $(VENV)/.installed-dev
 	@$(BIN)/ruff check .
 	@$(BIN)/mypy
+	@$(BIN)/mypy tools/*.py
 
 # A small environment with the extra `docs` alone: the Python API is read from the sources. Warnings
 # are errors. The site needs no network; building it needs one the first time.
 DOCS := .venv-docs
 $(DOCS)/.installed: setup.py constraints.txt
-	@python=$$(tools/choose_python.sh $(PYTHON)) && $$python -m venv $(DOCS)
+	@python=$$(tools/choose_python.sh "$(PYTHON)") && $$python -m venv $(DOCS)
 	@$(DOCS)/bin/python -m pip install --quiet --disable-pip-version-check setuptools
 	@packages=$$($(DOCS)/bin/python -c "import setuptools; from distutils.core import run_setup; \
 		print(*run_setup('setup.py', stop_after='init').extras_require['docs'])") && \

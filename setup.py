@@ -12,10 +12,15 @@ from glob import glob
 from pathlib import Path
 from runpy import run_path
 import sys
+from xml.etree import ElementTree
 
 from setuptools import find_packages, setup
 
 NAME = 'masmc_ros'
+# Contact and URLs stand in package.xml alone, where they are set at a release.
+MANIFEST = ElementTree.parse('package.xml').getroot()
+MAINTAINER = MANIFEST.find('maintainer')
+EMAIL = MAINTAINER.get('email')
 NUMBA = run_path(f'{NAME}/jit/supported_numba.py')
 NODES = sorted(Path(file).parent.name for file in glob(f'{NAME}/nodes/*/node.py'))
 WHEELS = "platform_system == 'Linux' and platform_machine == 'x86_64'"
@@ -38,17 +43,18 @@ setup(
     name=NAME,
     version='0.1.0',
     description='Robust adaptive sliding mode control of mobile manipulators for ROS 2',
-    author='masmc_ros developers',
-    author_email='maintainers@masmc-ros.org',
-    maintainer='masmc_ros developers',
-    maintainer_email='maintainers@masmc-ros.org',
-    url='https://github.com/masmc-ros/masmc_ros',
+    long_description=Path('README.md').read_text(encoding='utf-8'),
+    long_description_content_type='text/markdown',
+    author=MANIFEST.findtext('author'),
+    maintainer=MAINTAINER.text,
+    maintainer_email=None if EMAIL.endswith('.invalid') else EMAIL,
+    url=MANIFEST.findtext("url[@type='repository']"),
     license='Apache-2.0',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
     package_data={
         NAME: [
             'py.typed', '__init__.pyi', 'nodes/middleware/fast_dds/*', 'report/page/*',
-            'compare/*.html', 'messages/*.json',
+            'compare/*.html', 'messages/*.json', 'native/templates/*',
         ],
     },
     python_requires='>=3.11',
@@ -56,6 +62,7 @@ setup(
     # wheels and in apt. The extra `ros` brings the wheels.
     install_requires=[
         'jinja2',
+        'llvmlite',
         'lz4',
         'markupsafe',
         'matplotlib',
@@ -63,46 +70,60 @@ setup(
         'mcap-ros2-support',
         f'numba>={NUMBA["OLDEST"]},<{NUMBA["FIRST_UNSUPPORTED"]}',
         'numpy>=1.26',
-        'plotly>=6',
+        'plotly>=6,<8',
         'PyYAML',
         'rosbags',
         'tqdm',
         'zstandard',
     ],
+    # Versions outside of the tested ones may have another interface, or none: both ends are bound.
     extras_require={
         'ros': [
             f'ros-jazzy-rclpy[fastrtps]; {WHEELS}',
             f'ros-jazzy-common-interfaces; {WHEELS}',
         ],
-        'identify': ['clarabel>=0.11', 'scipy'],
-        'learning': ['gymnasium>=1.1', 'scipy'],
-        'live': ['foxglove-sdk'],
-        'mujoco': ['mujoco-core>=4'],
+        'identify': ['clarabel>=0.11,<0.12', 'scipy'],
+        'learning': ['gymnasium>=1.1,<2', 'scipy'],
+        'live': ['foxglove-sdk>=0.30,<0.31'],
+        'mujoco': ['mujoco-core>=4.0,<4.1'],
         'parquet': ['pyarrow'],
+        'paths': ['ruckig>=0.19,<0.20', 'scipy', 'toppra>=0.6.10,<0.7'],
+        'play': ['trimesh>=4,<6', 'viser>=1.1,<1.2'],
         'campaigns': ['pyarrow', 'scipy'],
-        'notebook': ['pyarrow', 'scipy', 'xarray'],
+        'notebook': ['pandas', 'pyarrow', 'scipy', 'xarray'],
         'cluster': ['distributed', 'pyarrow', 'scipy'],
-        'tune': ['optuna', 'scipy'],
+        'tune': ['optuna>=5,<6', 'scipy'],
         'test': [
-            'clarabel>=0.11',
+            'clarabel>=0.11,<0.12',
             'distributed',
-            'foxglove-sdk',
-            'gymnasium>=1.1',
+            'foxglove-sdk>=0.30,<0.31',
+            'gymnasium>=1.1,<2',
             'hypothesis',
             'mpmath',
-            'mujoco-core>=4',
-            'optuna',
+            'mujoco-core>=4.0,<4.1',
+            'optuna>=5,<6',
+            'pandas',
             'pyarrow',
             'pytest',
             'pytest-xdist',
+            'ruckig>=0.19,<0.20',
             'scipy',
             'sybil',
             'sympy',
+            'toppra>=0.6.10,<0.7',
+            'trimesh>=4,<6',
+            'viser>=1.1,<1.2',
             'websockets',
             'xarray',
         ],
         # Robots and an oracle for the tests that take long: 1.3 GB.
-        'robots': ['example-robot-data>=6', 'hello-robot-stretch-urdf', 'pin>=4'],
+        'robots': [
+            'example-robot-data>=6,<7',
+            'hello-robot-stretch-urdf>=0.1,<0.2',
+            'pin>=4,<5',
+        ],
+        # Only for tests; Makefile installs it with the CPU build of PyTorch.
+        'baselines': ['gymnasium>=1.1,<2', 'stable-baselines3>=2.9,<3'],
         # `make docs` installs these alone: the Python API is read from the sources.
         'docs': [
             'furo',

@@ -46,6 +46,8 @@ class Sizes(NamedTuple):
         Runs of TIAGo of 1 s.
     short_parts
         Parts of 16 runs of 2 ms.
+    varied
+        Runs by the kind of the drawn parameter.
 
     """
 
@@ -53,9 +55,10 @@ class Sizes(NamedTuple):
     many: int
     of_tree: int
     short_parts: int
+    varied: int
 
 
-FULL, QUICK = Sizes(10_000, 200_000, 200, 400), Sizes(320, 2000, 32, 40)
+FULL, QUICK = Sizes(10_000, 200_000, 200, 400, 320), Sizes(320, 2000, 32, 40, 64)
 
 SETTINGS = (
     'controller.switching=implicit',
@@ -78,6 +81,17 @@ OTHERS = {
     'k_s2 5': 'controller.k_s2=5.0',
 }
 """Settings of campaigns that take longer."""
+
+VARIED = {
+    'plant': 'plant.robot.link_2_mass=uniform:0.642:1.498',
+    'controller': 'controller.robot.link_2_mass=uniform:0.642:1.498',
+    'shared mass': 'robot.link_2_mass=uniform:0.642:1.498',
+    'shared length': 'robot.link_2_length=uniform:0.84:0.9',
+    'gain': 'controller.k_s1=uniform:80:120',
+    'path': 'trajectory.line_sine.phase[0]=uniform:0:0.1',
+    'period': 'control_period=uniform:0.001:0.00101',
+}
+"""Draws of one parameter by its kind."""
 
 WORKERS = (1, 2, 4)
 """Numbers of Dask workers with one thread each."""
@@ -143,10 +157,27 @@ def measures(sizes: Sizes = FULL) -> Iterator[Measure]:
     one = Measure('monte-carlo, one thread', command_cost(sizes.runs, 1).wall, 's')
     yield one
     yield compared('the same, two threads', two.wall, 's', one)
+    yield from _of_kinds(sizes.varied)
     if find_spec('distributed') is not None:
         yield from _of_clusters(sizes)
     if find_spec('pinocchio') is not None:
         yield from _of_trees(sizes.of_tree)
+
+
+def _of_kinds(count: int) -> Iterator[Measure]:
+    """Yield the processor time of a run by the kind of its drawn parameter, without start-up."""
+    reference = None
+    for kind, text in VARIED.items():
+        file = scenario_file('paper')
+        campaign = campaign_of(file, SETTINGS, draws=[draw(text)], repeats=count)
+        runs = list(campaign.runs(0, count))
+        evaluated(runs[:LANES], LANES)
+        start = time.process_time()
+        evaluated(runs, campaign.lanes)
+        value = 1e3 * (time.process_time() - start) / count
+        measure = compared(f'a run, drawn: {kind}', value, 'ms', reference)
+        reference = reference or measure
+        yield measure
 
 
 def _campaign(runs: int, *settings: str, file: str = 'paper') -> Campaign:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 import sys
+from xml.etree import ElementTree
 
 from sphinxcontrib import katex
 
@@ -18,7 +19,8 @@ project = 'masmc_ros'
 author = 'The masmc_ros authors'
 copyright = '2026, The masmc_ros authors'
 html_title = 'masmc_ros'
-repository_url = 'https://github.com/masmc-ros/masmc_ros'
+# Empty before a release sets it; links to files outside docs/ are then texts.
+repository_url = ElementTree.parse(ROOT / 'package.xml').findtext("url[@type='repository']") or ''
 
 extensions = [
     'myst_nb',
@@ -66,8 +68,9 @@ html_css_files = ['site.css']
 html_show_sphinx = False
 html_copy_source = False
 html_show_sourcelink = False
-html_theme_options = {
-    'source_repository': repository_url,
-    'source_branch': 'main',
-    'source_directory': 'docs/',
-}
+if repository_url:
+    html_theme_options = {
+        'source_repository': repository_url,
+        'source_branch': 'main',
+        'source_directory': 'docs/',
+    }

@@ -9,11 +9,12 @@ A node that fails does not end the others: without the recorder the controller s
 
 from __future__ import annotations
 
+import json
+
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
-import yaml
 
 PACKAGE = 'masmc_ros'
 SWITCH = ['true', 'false']
@@ -26,12 +27,16 @@ TOPICS = {
 }
 """Launch arguments for topics: default and description."""
 
-SETTINGS = {
-    'control_period': ('', 'Period of joint_states in s.'),
+TEXTS = {
     'command_interface': ('', 'effort, velocity, or hybrid: base by velocity, arm by torque.'),
-    'enable_stamped_cmd_vel': ('true', 'true for TwistStamped on cmd_vel, false for Twist.'),
     'pose_source': ('', 'Source of the base pose: odom, or joint_states.'),
     'pose_frame': ('', 'Frame of the path, such as map.'),
+}
+"""Launch arguments for texts among the parameters of the controller: default and description."""
+
+SETTINGS = {
+    'control_period': ('', 'Period of joint_states in s.'),
+    'enable_stamped_cmd_vel': ('true', 'true for TwistStamped on cmd_vel, false for Twist.'),
     'base_lag': ('', 'Time constant in s with which the base follows cmd_vel.'),
     'latency': ('', 'Time in s from the measurement of a state to the effect of its torque.'),
     'motor_lag': ('', 'Time constant of the motors in s.'),
@@ -39,7 +44,7 @@ SETTINGS = {
     'torque_rate_limit': ('', 'Limits of the rates of the torques in N·m/s.'),
     'active_on_start': ('false', 'false: `ros2 lifecycle set /controller activate` starts it.'),
 }
-"""Launch arguments for parameters of the controller: default and description."""
+"""Launch arguments for its other parameters, as YAML: default and description."""
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -56,7 +61,7 @@ def generate_launch_description() -> LaunchDescription:
         ),
         *(
             DeclareLaunchArgument(name, default_value=default, description=f'{text} {own}')
-            for name, (default, text) in SETTINGS.items()
+            for name, (default, text) in (TEXTS | SETTINGS).items()
         ),
         DeclareLaunchArgument('namespace', default_value='', description='Namespace of nodes.'),
         DeclareLaunchArgument(
@@ -90,29 +95,42 @@ def _nodes(context: LaunchContext) -> list[object]:
         ('effort_commands', arm),
         ('arm_velocity_commands', arm),
     ]
-    controller = {
-        name: yaml.safe_load(argument(name)) for name in SETTINGS if argument(name)
-    }
+    # rcl reads some texts without quotes as other types: 20251126, 1e3, yes.
+    controller = {name: _quoted(argument(name)) for name in TEXTS if argument(name)}
+    controller |= {name: argument(name) for name in SETTINGS if argument(name)}
     # The path starts with the activation, and does not end as that of a simulation.
-    trajectory = {'start_time': -1.0}
+    trajectory = {'start_time': '-1.0'}
     if 'control_period' in controller:
         trajectory['control_period'] = controller['control_period']
     settings = {
         'controller': {'pacing': 'realtime', **controller},
         'trajectory': trajectory,
-        'recorder': {'output': argument('output')},
+        'recorder': {'output': _quoted(argument('output'))},
     }
     names = [name for name in settings if name != 'recorder' or argument('record') == 'true']
-    shared = {'duration': 0.0, 'use_sim_time': argument('use_sim_time') == 'true'}
+    shared = {'duration': '0.0', 'use_sim_time': argument('use_sim_time')}
     return [
         Node(
             package=PACKAGE,
             executable=name,
             name=name,
             namespace=argument('namespace'),
-            parameters=[*files, {**shared, **settings[name]}],
+            arguments=_parameters(files, name, {**shared, **settings[name]}),
             remappings=remappings,
             output='screen',
         )
         for name in names
     ]
+
+
+def _quoted(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False)
+
+
+def _parameters(files: list[str], node: str, settings: dict[str, str]) -> list[str]:
+    arguments = ['--ros-args']
+    for file in files:
+        arguments += ['--params-file', file]
+    for name, value in settings.items():
+        arguments += ['-p', f'{node}:{name}:={value}']
+    return arguments

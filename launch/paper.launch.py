@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 
 from ament_index_python.packages import get_package_share_directory
@@ -124,23 +125,24 @@ def _nodes(context: LaunchContext) -> list[object]:
         if argument('frame_prefix') and name != 'live':
             settings[name]['frame_prefix'] = argument('frame_prefix')
         settings[name]['use_sim_time'] = is_on('use_sim_time')
-    processes = list(settings)
-    nodes = []
+    # Names of the nodes by executable.
+    processes: dict[str, list[str]] = {name: [name] for name in settings}
     if is_on('composed'):
-        processes = [name for name in processes if name not in names]
-        together = {name: settings[name] for name in names}
-        nodes = [_composed(files, argument('namespace'), together, remappings, record=record)]
-    nodes += [
+        processes = {'composed': names} | {n: [n] for n in settings if n not in names}
+    nodes = [
         Node(
             package=PACKAGE,
-            executable=name,
-            name=name,
+            executable=executable,
+            name=executable if executable in settings else None,
             namespace=argument('namespace'),
-            parameters=[*files, settings[name]],
+            arguments=[
+                *(['--record'] if executable == 'composed' and record else []),
+                *_parameters(files, {name: settings[name] for name in started}),
+            ],
             remappings=remappings,
             output='screen',
         )
-        for name in processes
+        for executable, started in processes.items()
     ]
     # All nodes end when the run is complete, or when one of them fails.
     return [*nodes, RegisterEventHandler(OnProcessExit(on_exit=_end_on_failure))]
@@ -150,30 +152,20 @@ def _config(name: str) -> str:
     return os.path.join(get_package_share_directory(PACKAGE), 'config', name)
 
 
-def _composed(
-    files: list[str],
-    namespace: str,
-    settings: dict[str, dict[str, object]],
-    remappings: list[tuple[str, str]],
-    *,
-    record: bool,
-) -> Node:
-    arguments = ['--record'] if record else []
-    arguments += ['--ros-args']
+def _parameters(files: list[str], settings: dict[str, dict[str, object]]) -> list[str]:
+    """
+    Return the arguments for parameter files, and for the settings of each node.
+
+    A text has quotes. Without them rcl reads some texts as other types: 20251126, 1e3, yes. The
+    parameters of a launch_ros Node have no quotes for some of these texts.
+    """
+    arguments = ['--ros-args']
     for file in files:
         arguments += ['--params-file', file]
     for node, values in settings.items():
         for name, value in values.items():
-            text = str(value).lower() if isinstance(value, bool) else value
-            arguments += ['-p', f'{node}:{name}:={text}']
-    return Node(
-        package=PACKAGE,
-        executable='composed',
-        namespace=namespace,
-        arguments=arguments,
-        remappings=remappings,
-        output='screen',
-    )
+            arguments += ['-p', f'{node}:{name}:={json.dumps(value, ensure_ascii=False)}']
+    return arguments
 
 
 def _end_on_failure(event: object, context: LaunchContext) -> list[object] | None:

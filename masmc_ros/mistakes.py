@@ -28,7 +28,7 @@ class MistakeError(Exception):
     """Mistake with a description of its own."""
 
 
-def one_line(error: BaseException, files: Collection[str] = (), otherwise: str = '') -> str:
+def place_and_text(error: BaseException, files: Collection[str] = (), otherwise: str = '') -> str:
     """
     Return place, text and source of a mistake.
 
@@ -61,15 +61,15 @@ def reported(start: str, files: Collection[str], otherwise: str) -> Iterator[Non
     """
     Raise InputError with one line for any error of a user's code.
 
-    The line is `start` and that of `one_line`, whose arguments are the others. Errors that are
-    already one line for the user pass.
+    The line is `start` and that of `place_and_text`, whose arguments are the others. Errors that
+    are already one line for the user pass.
     """
     try:
         yield
     except UserError:
         raise
     except Exception as error:
-        raise InputError(f'{start}: {one_line(error, files, otherwise)}') from error
+        raise InputError(f'{start}: {place_and_text(error, files, otherwise)}') from error
 
 
 def _is_of_user(file: str) -> bool:

@@ -24,17 +24,22 @@ PACKAGES = {
     'mcap_ros2': 'mcap-ros2-support',
     'mujoco': 'mujoco-core',
     'optuna': 'optuna',
+    'pandas': 'pandas',
     'plotly': 'plotly',
     'pyarrow': 'pyarrow',
     'rosbags': 'rosbags',
+    'ruckig': 'ruckig',
     'scipy': 'scipy',
+    'toppra': 'toppra',
+    'trimesh': 'trimesh',
+    'viser': 'viser',
     'xarray': 'xarray',
     'zstandard': 'zstandard',
 }
 """Names of the modules for pip."""
 
 
-def explained(error: ModuleNotFoundError) -> UserError:
+def remedy(error: ModuleNotFoundError) -> UserError:
     """Return the remedy for a missing module; raise the error for a module not in PACKAGES."""
     module = (error.name or '').partition('.')[0]
     if module not in PACKAGES:

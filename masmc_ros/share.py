@@ -5,10 +5,12 @@
 
 from __future__ import annotations
 
+from difflib import get_close_matches
+import os
 from pathlib import Path
 import sys
 
-from masmc_ros.errors import InputError
+from masmc_ros.errors import InputError, suggestion
 
 _OTHER = 'ros2_control'
 """Start of the names of parameter files for the nodes of other packages."""
@@ -36,6 +38,8 @@ def scenarios() -> dict[str, Path]:
 
 def scenario_file(name: str) -> str:
     """Return the path of a parameter file: an existing one, or that of an installed name."""
+    if name.startswith('~'):
+        name = os.path.expanduser(name)
     if Path(name).exists() or Path(name).name != name:
         return name
     installed = scenarios()
@@ -43,6 +47,8 @@ def scenario_file(name: str) -> str:
         return str(installed[name])
     if Path(name).suffix or not installed:
         return name
+    if get_close_matches(name, installed):
+        raise InputError(f'{name}: no such file; {suggestion(name, installed)}')
     raise InputError(
         f'{name}: no such file; give the path of a parameter file or of a log, or the name of an '
         f'installed one: {", ".join(installed)}'

@@ -1,7 +1,11 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Settings of all tests: order of files, time limits, signals, and missing packages."""
+"""
+Settings of all tests: order of files, time limits, signals, and missing packages.
+
+Options let `.ci/run` execute each test once in two environments, and check the skipped tests.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +14,7 @@ import gc
 from pathlib import Path
 import re
 import signal
+from typing import Any
 
 from hypothesis import HealthCheck, settings
 from masmc_ros.optional import PACKAGES
@@ -42,6 +47,7 @@ MISSING = re.compile(
 
 LONG = (
     'package/test_documentation_examples.py',
+    'package/test_wheel.py',
     'nodes/test_law_change_nodes.py',
     'loop/test_latency.py',
     'loop/test_tree_run.py',
@@ -54,7 +60,6 @@ LONG = (
     'nodes/recorder/test_recorder_killed.py',
     'loop/test_lanes.py',
     'log/test_damaged_logs.py',
-    'robot/test_tree_formulas.py',
     'nodes/recorder/test_listeners_killed.py',
     'loop/test_tree_friction.py',
     'nodes/test_drives_nodes.py',
@@ -76,11 +81,92 @@ If a process started one of them last, all other processes would wait for it.
 """
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+PAGE = Path(__file__).parents[1] / 'docs' / 'development' / 'testing.md'
+"""Page with the table of the reasons for which a test may be skipped."""
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the options of `.ci/run`."""
+    group = parser.getgroup('masmc_ros')
+    group.addoption('--write-passed', metavar='FILE', help='write the names of passed tests')
+    group.addoption('--skip-passed', metavar='FILE', help='omit the tests that FILE names')
+    text = f'fail if a test is skipped for a reason that is not in {PAGE.name}'
+    group.addoption('--check-skipped', action='store_true', help=text)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Collect the results in the process that starts the others."""
+    if not hasattr(config, 'workerinput'):
+        config.pluginmanager.register(Results(config), 'masmc_ros results')
+
+
+class Results:
+    """Names of passed tests, and reasons of skipped ones."""
+
+    def __init__(self, config: pytest.Config) -> None:
+        self._config = config
+        self._passed: list[str] = []
+        self._unexplained: dict[str, str] = {}
+        self._reasons = reasons()
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        if report.when == 'call' and report.passed and not hasattr(report, 'wasxfail'):
+            self._passed.append(report.nodeid)
+        self._note(report)
+
+    def pytest_collectreport(self, report: pytest.CollectReport) -> None:
+        self._note(report)
+
+    def _note(self, report: pytest.TestReport | pytest.CollectReport) -> None:
+        if report.skipped and isinstance(report.longrepr, tuple):
+            reason = report.longrepr[2].removeprefix('Skipped: ')
+            if not any(known in reason for known in self._reasons):
+                self._unexplained[report.nodeid] = reason
+
+    @pytest.hookimpl(trylast=True)
+    def pytest_sessionfinish(self, session: pytest.Session) -> None:
+        if file := self._config.getoption('--write-passed'):
+            Path(file).parent.mkdir(parents=True, exist_ok=True)
+            Path(file).write_text('\n'.join(self._passed), encoding='utf-8')
+        if self._config.getoption('--check-skipped') and self._unexplained:
+            session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+    def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
+        if self._config.getoption('--check-skipped'):
+            for name, reason in self._unexplained.items():
+                terminalreporter.write_line(
+                    f'{name} was skipped: {reason}; expected a reason in {PAGE.name}'
+                )
+
+
+def reasons() -> list[str]:
+    """Return the parts of reasons in the table of the page."""
+    text = PAGE.read_text(encoding='utf-8').partition('\n## Skipped tests\n')[2]
+    return re.findall(r'^\| `([^`]+)` \|', text.partition('\n## ')[0], re.MULTILINE)
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Sort long files first; pytest-xdist distributes files to processes in this order."""
+    if file := config.getoption('--skip-passed'):
+        passed = set(Path(file).read_text(encoding='utf-8').splitlines())
+        config.hook.pytest_deselected(items=[item for item in items if item.nodeid in passed])
+        items[:] = [item for item in items if item.nodeid not in passed]
     folder = Path(__file__).parent
     ranks = {folder / name: rank for rank, name in enumerate(LONG)}
     items.sort(key=lambda item: ranks.get(item.path, len(LONG)))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Share out files whole, but single pages of the documentation: all of them take minutes."""
+    from xdist.scheduler import LoadFileScheduling
+
+    class Files(LoadFileScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            file: str = super()._split_scope(nodeid)
+            return nodeid if file.endswith(LONG[0]) else file
+
+    return Files(config, log)
 
 
 def pytest_collection_finish() -> None:

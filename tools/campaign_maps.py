@@ -60,7 +60,7 @@ PERIOD = Grid(
 
 
 def swept(
-    metric: str, x: Grid, y: Grid, laws: Sequence[str], **values: object
+    metric: str, x: Grid, y: Grid, laws: Sequence[str], **values: Any
 ) -> tuple[Array, ...]:
     """Return a metric (x, y) of each law; NaN for runs that diverged."""
     vary: Mapping[str, Sequence[object]] = {
@@ -98,7 +98,7 @@ def draw_adaptation() -> None:
 
     gamma = spaced('controller.gamma', 0.003, 30.0, 17, 'Γ')
     observed = {'switching': 'implicit', 'observer_gain': 0.5}
-    maps = (
+    maps: tuple[tuple[str, Grid, Grid, dict[str, Any]], ...] = (
         ('tanh', LAYER, MASSES, {}),
         ('tanh, δ = 0.2 m/s', gamma, MASSES, {}),
         ('implicit', PERIOD, MASSES, {'switching': 'implicit'}),
@@ -128,7 +128,7 @@ def draw_stability() -> None:
     )
     ages = [round(age / 1e-3) for age in delay.values]
     title = f'$K_{{s2}}$ = {WEAK:g} N'
-    maps = (
+    maps: tuple[tuple[str, Grid, dict[str, Any], Any], ...] = (
         ('T = 1 ms', gain, {}, smallest_layer(1e-3, np.array(gain.values))),
         (title, PERIOD, WEAKER, smallest_layer(np.array(PERIOD.values), WEAK)),
         (f'{title}, T = 1 ms', delay, WEAKER,

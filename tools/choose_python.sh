@@ -3,11 +3,26 @@
 # SPDX-License-Identifier: Apache-2.0
 
 # Prints the Python of the environment, 3.11 or 3.12, or an error message.
+# usage: choose_python.sh [PYTHON [EXISTING]]; a named Python that does not fit is an error, or if
+# the Python of an existing environment has another version.
 works() {
     "$1" -c 'import sys, venv, ensurepip; sys.exit(sys.version_info[:2] not in ((3, 11), (3, 12)))' \
         >/dev/null 2>&1
 }
-for candidate in "$@" python3.12 python3.11 python3; do
+if [ -n "${1:-}" ]; then
+    if works "$1"; then
+        if [ -x "${2:-}" ] && [ "$("$1" --version)" != "$("$2" --version)" ]; then
+            echo "PYTHON=$1: $("$1" --version); $2 is $("$2" --version). Run make clean first." >&2
+            exit 1
+        fi
+        echo "$1"
+        exit 0
+    fi
+    version=$("$1" --version 2>&1) || version='it cannot be run'
+    echo "PYTHON=$1: $version; expected Python 3.11 or 3.12 with venv." >&2
+    exit 1
+fi
+for candidate in python3.12 python3.11 python3; do
     if works "$candidate"; then
         echo "$candidate"
         exit 0

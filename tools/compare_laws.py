@@ -112,10 +112,14 @@ SHORTER = 'duration=6.0'
 
 
 def _error(metrics: Metrics) -> float:
-    return math.hypot(*(reached.rms for reached in metrics.points.values()))
+    errors = (reached.rms for reached in metrics.points.values())
+    return math.hypot(*(math.nan if error is None else error for error in errors))
 
 
-ERROR = Column('error', 'm', 'error', 'mm', 1.0e3, _error)
+ERROR = Column(
+    'error', 'm', 'error', 'mm', 1.0e3, _error,
+    is_of_campaigns=True, is_shown=True, is_larger_better=False,
+)  # fmt: skip
 """RMS error of all points together."""
 
 

@@ -10,13 +10,15 @@ comparison of the laws are those of `python tools/compare_laws.py`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 import csv
+from itertools import groupby
 from pathlib import Path
 import re
 import sys
 from unittest.mock import patch
 
+from claims import BY_SOURCE, Claim, CLAIMS, SHARP, THEORY
 from masmc_ros.compare.trials import TRIALS_OF_LAWS
 from masmc_ros.law import registry
 from masmc_ros.law.reaching.implicit import IMPLICIT
@@ -80,6 +82,11 @@ def _tables() -> dict[str, str]:
             if name not in PAPER_LAWS
         },
         'laws': _laws(),
+        'claims': _claims(),
+        **{
+            f'{page} claims': _claims_of(page, list(claims))
+            for page, claims in groupby((*CLAIMS, *THEORY), key=lambda claim: claim.page)
+        },
         **_comparison(),
     }
 
@@ -88,6 +95,31 @@ def _laws() -> str:
     lines = ['| law | summary | source |', '|---|---|---|']
     for name, law in registry.LAWS.items():
         lines.append(f'| [`{name}`]({name}.md) | {law.summary} | {law.source} |')
+    return '\n'.join(lines) + '\n'
+
+
+def _claims() -> str:
+    """Return the table of all claims."""
+    lines = ['| page | claim | method | range | draws | first counterexample |']
+    lines.append('|---|---|---|---|---:|---:|')
+    beyond = f'≤ {100.0 * (SHARP - 1.0):.2g} %'
+    for claim in (*CLAIMS, *THEORY):
+        place = '../../theory/' if claim in THEORY else ''
+        cells = (
+            f'[`{claim.page}`]({place}{claim.page}.md)', claim.sentence, claim.method,
+            claim.range_text, str(claim.draws), beyond,
+        )  # fmt: skip
+        lines.append(f'| {" | ".join(cells)} |')
+    return '\n'.join(lines) + '\n'
+
+
+def _claims_of(page: str, claims: Sequence[Claim]) -> str:
+    """Return the statements of a page."""
+    folder = '../reference/laws/' if claims[0] in THEORY else ''
+    lines = [f'**Examined** by [searches for counterexamples]({folder}claims.md):', '']
+    lines += [f'- {claim.sentence}' for claim in claims]
+    if page in BY_SOURCE:
+        lines += ['', f'**By the source:** {BY_SOURCE[page]}.']
     return '\n'.join(lines) + '\n'
 
 
@@ -109,7 +141,7 @@ def _comparison() -> dict[str, str]:
 
 
 def _by_trials(
-    rows: list[Result], heads: Mapping[str, str], cell: Callable[[Result], str]
+    rows: Sequence[Result], heads: Mapping[str, str], cell: Callable[[Result], str]
 ) -> str:
     """
     Return a table of laws by trials, the smallest error in the first trial first.
@@ -134,7 +166,7 @@ def _by_trials(
     return '\n'.join(lines) + '\n'
 
 
-def _robots(rows: list[Result]) -> str:
+def _robots(rows: Sequence[Result]) -> str:
     """Return the table of random robots, the smallest error first."""
     lines = ['| law | median | worst | E | F | torque | variation | lost |']
     lines.append('|---|---:|---:|---:|---:|---:|---:|---:|')
@@ -152,7 +184,7 @@ def _robots(rows: list[Result]) -> str:
     return '\n'.join(lines) + '\n'
 
 
-def _tuned(rows: list[Result]) -> str:
+def _tuned(rows: Sequence[Result]) -> str:
     """Return the table of default and tuned gains on the same robots, by the tuned error."""
     parts = ('default gains', 'tuned', 'tuned at 1000 N·m/s')
     by_law = {(row['part'], _label(row)): row for row in rows}

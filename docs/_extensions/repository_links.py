@@ -9,17 +9,18 @@ import posixpath
 import re
 from typing import Any
 
-_LINK = re.compile(r'\]\((\.\./[^)\s#]*)(#[^)\s]*)?\)')
+_LINK = re.compile(r'\[((?:`[^`]*`|[^\[\]`])*)\]\((\.\./[^)\s#]*)(#[^)\s]*)?\)')
 
 
 def _rewrite_links(app: Any, docname: str, source: list[str]) -> None:
     """
-    Replace relative targets outside docs/ by addresses in the repository.
+    Replace relative targets outside docs/ by addresses in the repository, if that has one.
 
     Parameters
     ----------
     app
-        Sphinx application; `repository_url` of its settings is the base of the addresses.
+        Sphinx application; `repository_url` of its settings is the base of the addresses, empty
+        for texts instead of links.
     docname
         Name of the page, relative to docs/ and without suffix.
     source
@@ -29,10 +30,13 @@ def _rewrite_links(app: Any, docname: str, source: list[str]) -> None:
     folder = posixpath.join('docs', posixpath.dirname(docname))
 
     def _address(match: re.Match[str]) -> str:
-        target = posixpath.normpath(posixpath.join(folder, match[1]))
+        target = posixpath.normpath(posixpath.join(folder, match[2]))
         if target == 'docs' or target.startswith('docs/'):
             return match[0]
-        return f'](<{app.config.repository_url}/blob/main/{target}{match[2] or ""}>)'
+        if not app.config.repository_url:
+            return match[1]
+        address = f'{app.config.repository_url}/blob/main/{target}{match[3] or ""}'
+        return f'[{match[1]}](<{address}>)'
 
     source[0] = _LINK.sub(_address, source[0])
 

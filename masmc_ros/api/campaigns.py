@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
+import warnings
 
 from masmc_ros.api.scenario import load, Scenario
 from masmc_ros.api.settings import whole
@@ -63,6 +64,11 @@ def sweep(
     Returns
     -------
         Table with a row for each run: values, metrics in SI units, and `lost`.
+
+    Warns
+    -----
+    UserWarning
+        if most runs are computed alone, which takes longer.
 
     Raises
     ------
@@ -137,6 +143,8 @@ def _table(
     campaign: Campaign, output: str | Path | None, threads: int, scheduler: str
 ) -> pa.Table:
     threads = whole('threads', threads)
+    if campaign.notice:
+        warnings.warn(campaign.notice, stacklevel=3)
     progress = tqdm(total=campaign.total, unit='run', disable=None)
     with TemporaryDirectory() as temporary, progress:
         dataset = carry_out(

@@ -11,10 +11,7 @@ from typing import TYPE_CHECKING
 from masmc_ros.api.scenario import load
 from masmc_ros.law import registry
 from masmc_ros.law.law import Law
-from masmc_ros.params.declaration import check_all
-from masmc_ros.params.node_parameters import declared
-from masmc_ros.robot.mechanisms import mechanism_from
-from masmc_ros.robot.robot import Robot, robot_of
+from masmc_ros.robot.robot import Robot
 
 if TYPE_CHECKING:
     from masmc_ros.log.read.reader import Run
@@ -33,7 +30,8 @@ def load_robot(source: str, **values: object) -> Robot:
     Parameters
     ----------
     source
-        URDF file, parameter file, or name of an installed parameter file.
+        URDF file, parameter file, or name of an installed parameter file. A URDF has the choices
+        that `masmc robot` prints.
     values
         Parameters `robot.NAME` by NAME, such as `tip_frame='tool0'`.
 
@@ -43,11 +41,7 @@ def load_robot(source: str, **values: object) -> Robot:
         if there is no such file, a name is unknown, or the robot is invalid.
 
     """
-    named = {f'robot.{name}': value for name, value in values.items()}
-    if Path(source).suffix != '.urdf':
-        return load(source, named).robot
-    named['robot.urdf'] = source
-    return robot_of(check_all(declared('plant', mechanism_from(named)), named))
+    return load(source, {f'robot.{name}': value for name, value in values.items()}).robot
 
 
 def read(log: str | Path) -> Run:

@@ -5,17 +5,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from masmc_ros.api.scenario import load, Scenario
 from masmc_ros.api.settings import whole
-from masmc_ros.compare.law_comparison import comparison_of, compute
-from masmc_ros.compare.ranking import ranking
+from masmc_ros.compare.foreign import Controller
+from masmc_ros.compare.law_comparison import comparison_of
+from masmc_ros.compare.ranking import compared
 from masmc_ros.compare.tables import rows_of
 from masmc_ros.params.declaration import Values
 import pyarrow as pa
-from tqdm import tqdm
 
 
 def compare_laws(
@@ -24,6 +24,7 @@ def compare_laws(
     *,
     trials: str | Sequence[str] = 'all',
     seeds: int = 1,
+    controllers: Mapping[str, Controller] | None = None,
     threads: int = 0,
     scheduler: str = '',
     settings: Values | None = None,
@@ -43,6 +44,9 @@ def compare_laws(
     seeds
         Number of runs of each law and trial: seed 0 is the scenario itself, others have a random
         robot, disturbance and noise.
+    controllers
+        Functions of (state, reference) that return torques in N·m, or classes of such objects, by
+        the name in the table; state is a `TickInput`.
     threads, scheduler
         As for `sweep`.
 
@@ -59,14 +63,10 @@ def compare_laws(
     """
     loaded = load(scenario, settings, **values)
     comparison = comparison_of(
-        loaded.file, loaded.settings, _text(laws), _text(trials), whole('seeds', seeds, 1)
-    )
-    threads = whole('threads', threads)
-    with tqdm(total=comparison.total, unit='run', disable=None) as progress:
-        rows = compute(
-            comparison, threads=threads, scheduler=scheduler, advance=progress.update
-        )
-    ranked = ranking(comparison, rows)
+        loaded.file, loaded.settings, _text(laws), _text(trials), whole('seeds', seeds, 1),
+        controllers,
+    )  # fmt: skip
+    ranked = compared(comparison, threads=whole('threads', threads), scheduler=scheduler)
     return pa.Table.from_pylist(rows_of(ranked, comparison.trials))
 
 

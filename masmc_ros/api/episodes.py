@@ -33,7 +33,7 @@ from masmc_ros.params.declaration import Values
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.report.measure.reduced import metrics_of_lane, ReducedWindow, SETTLING
 from masmc_ros.robot.declaration import Mechanism
-from masmc_ros.robot.robot import robot_of
+from masmc_ros.robot.robot import Robot, robot_of
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -111,6 +111,8 @@ class Episodes:
         Steps of an episode that does not diverge: the ticks of the run.
     is_seeded
         True if a seed has selected the runs.
+    path
+        Reference (steps + 1, 3 * axes) of each tick.
 
     """
 
@@ -125,6 +127,7 @@ class Episodes:
         error_weight: float = Reward.error_weight,
         torque_weight: float = Reward.torque_weight,
         error_limit: float = Reward.error_limit,
+        max_episode_steps: int | None = None,
         **values: object,
     ) -> None:
         """
@@ -144,6 +147,9 @@ class Episodes:
             scenario, see `_action_limit`.
         error_weight, torque_weight, error_limit
             See `Reward`.
+        max_episode_steps
+            Steps after which an episode is truncated, without a row of metrics if the run is
+            longer; None: the ticks of the run.
 
         Raises
         ------
@@ -167,14 +173,18 @@ class Episodes:
         robot = robot_of(base['trajectory'])
         mechanism = robot.mechanism
         self.steps = timing.last + 1
+        self._last_step = self.steps
+        if max_episode_steps is not None:
+            chosen = whole('max_episode_steps', max_episode_steps, 1)
+            self._last_step = min(self.steps, chosen)
         self.entries = _entries(mechanism)
         self.action_limit = _action_limit(action_limit, base, mechanism)
         self.count = count
         self._period = timing.period
         self._reward = Reward(error_weight, torque_weight, error_limit)
         self._window = ReducedWindow.of(timing)
-        self._columns = metric_columns(mechanism)
         path = Trajectory(base['trajectory'], timing.period, robot).sample(0, self.steps + 1)
+        self.path = path
         lanes = 1 if count == 1 else LANES
         self._blocks = [
             DrivenRobots(
@@ -190,16 +200,17 @@ class Episodes:
         self.is_seeded = False
         self._seed = np.zeros(count, np.int64)
         self._run = np.arange(count)
-        self._stride = count
+        self._stride = np.full(count, count)
+        self._plants: dict[int, Values] = {}
         self._campaigns: dict[int, Campaign] = {}
         self._drawn: Infos = {}
         self._has_ended = np.ones(count, bool)
         self._previous = np.zeros((count, mechanism.sizes['joints']))
         self._observation = np.zeros((count, len(self.entries)))
 
-    def seed(self, seed: int | Sequence[int]) -> None:
+    def seed(self, seed: int | Sequence[int], chosen: Flags | None = None) -> None:
         """
-        Choose the runs of the next episodes.
+        Choose the runs of the next episodes, of all robots or of `chosen` ones.
 
         With one seed, robot i starts with run i of the seed; its next episode is run i + count,
         and so on. With a sequence, each robot has runs 0, 1, ... of its own seed. Raises
@@ -216,13 +227,18 @@ class Episodes:
             if not is_whole or not 0 <= number < _SEEDS:
                 raise InputError(f'seed = {number!r}: expected a whole number >= 0 and < 2**32')
         self.is_seeded = True
-        self._seed[:], self._run[:], self._stride = seeds, runs, stride
+        robots = np.ones(self.count, bool) if chosen is None else chosen
+        self._seed[robots] = np.array(seeds, np.int64)[robots]
+        self._run[robots], self._stride[robots] = runs[robots], stride
         self._campaigns.clear()
 
-    def reset(self) -> tuple[Array, Infos]:
-        """Start the next episode of all robots; return the observations, and the runs."""
-        infos = self._start(np.ones(self.count, bool))
+    def reset(self, chosen: Flags | None = None) -> tuple[Array, Infos]:
+        """Start the next episode of all or of `chosen` robots; return observations and runs."""
+        starts = np.ones(self.count, bool) if chosen is None else chosen
+        infos = self._start(starts)
+        before = self._observation
         self._observe()
+        self._observation[~starts] = before[~starts]
         return self._observation.copy(), infos
 
     def step(self, actions: ArrayLike) -> Step:
@@ -251,7 +267,7 @@ class Episodes:
             cost += self._reward.torque_weight * (change**2).sum(axis=1)
             is_lost = moves & ~(self._is_finite() & (square <= self._reward.error_limit**2))
         terminated = is_lost
-        truncated = moves & ~is_lost & (ticks + 1 == self.steps)
+        truncated = moves & ~is_lost & (ticks + 1 == self._last_step)
         # The remaining steps count with the error limit, so divergence is never an advantage.
         worst = self._reward.error_weight * self._reward.error_limit**2
         cost[is_lost] = worst * (self.steps - ticks[is_lost])
@@ -260,13 +276,18 @@ class Episodes:
         is_void = is_lost & ~np.isfinite(self._observation).all(axis=1)
         self._observation[is_void] = before[is_void]
         self._has_ended = terminated | truncated
-        for robot in np.flatnonzero(self._has_ended).tolist():
+        has_row = terminated | (truncated & (ticks + 1 == self.steps))
+        for robot in np.flatnonzero(has_row).tolist():
             infos[robot] = {'row': self._row(robot, is_lost=bool(is_lost[robot]))}
         return Step(self._observation.copy(), -cost, terminated, truncated, infos)
 
     def signal(self, name: str) -> Array:
         """Return a signal of `loop.signals.SIGNALS` (robots, components) of the current ticks."""
         return self._of_robots('signals', name)
+
+    def robot(self, number: int) -> Robot:
+        """Return a robot in its current episode."""
+        return robot_of(self._plants[number])
 
     def _start(self, starts: Flags) -> Infos:
         """Start the next episodes of some robots; return their runs."""
@@ -278,12 +299,13 @@ class Episodes:
                 self._campaigns[seed] = self._of_seed(seed)
             (run,) = self._campaigns[seed].runs(number, 1)
             runs.setdefault(robot // self._lanes, {})[robot % self._lanes] = run.scenario
+            self._plants[robot] = run.scenario['plant']
             row = {'run': number, 'seed': run.scenario['plant']['seed'], **run.values}
             self._drawn[robot] = row
             infos[robot] = {'drawn': row}
         for block, chosen in runs.items():
             self._blocks[block].start(chosen)
-        self._run[starts] += self._stride
+        self._run[starts] += self._stride[starts]
         self._has_ended[starts] = False
         self._previous[starts] = 0.0
         return infos
@@ -299,9 +321,11 @@ class Episodes:
         """Return the row of a campaign for the episode that has ended."""
         block, lane = self._blocks[robot // self._lanes], robot % self._lanes
         metrics = metrics_of_lane(block.reduced[0], lane, self._window, block.mechanism)
-        values: dict[str, float | None] = dict.fromkeys(column.name for column in self._columns)
+        # They are not kept, because copies and other processes cannot have them.
+        columns = metric_columns(block.mechanism)
+        values: dict[str, float | None] = dict.fromkeys(column.name for column in columns)
         if not (is_lost or isinstance(metrics, float)):
-            values = {column.name: column.value(metrics) for column in self._columns}
+            values = {column.name: column.value(metrics) for column in columns}
         return {
             **self._drawn[robot],
             **{name: math.nan if value is None else value for name, value in values.items()},

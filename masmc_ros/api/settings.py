@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from masmc_ros.errors import InputError
 from masmc_ros.params.declaration import Values
-from masmc_ros.params.file import read
 from masmc_ros.params.node_parameters import declared, shared
+from masmc_ros.params.scenario import source_of
 from masmc_ros.params.text import yaml_text
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.mechanisms import mechanism_from
@@ -38,7 +38,10 @@ def settings_of(
         if a short name belongs to several nodes.
 
     """
-    mechanism = mechanism_from({**read(file).for_node('plant'), **(settings or {})})
+    of_robot = {n.replace('__', '.'): v for n, v in values.items() if n.startswith('robot__')}
+    stated = [f'{n}={yaml_text(v)}' for n, v in {**(settings or {}), **of_robot}.items()]
+    plant = source_of(file, stated).file.for_node('plant')
+    mechanism = mechanism_from({**plant, **(settings or {})})
     named = {_full_name(name.replace('__', '.'), mechanism): v for name, v in values.items()}
     return [f'{name}={yaml_text(value)}' for name, value in {**(settings or {}), **named}.items()]
 

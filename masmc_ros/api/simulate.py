@@ -11,24 +11,35 @@ from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
 from masmc_ros.aliases import Array
-from masmc_ros.api.plots import Plots
+from masmc_ros.api.plots import Columns, Plots
 from masmc_ros.api.scenario import load, Scenario
 from masmc_ros.loop.signals import Signal, SIGNALS
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.params.declaration import Values
 from masmc_ros.params.scenario import activation
+from masmc_ros.report.measure.adaptation import relative, TrueTheta
 from masmc_ros.report.measure.labels import law_label
-from masmc_ros.report.measure.metrics import Metrics, Samples
-from masmc_ros.report.measure.table import text_table
+from masmc_ros.report.measure.metrics import Metrics, MetricSamples
+from masmc_ros.report.measure.table import html_table, text_table
 from masmc_ros.robot.declaration import Coordinate, Mechanism, Quantity
+from masmc_ros.robot.robot import robot_of
 import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
+    import pandas as pd
     import pyarrow as pa
 
 
 _SIGNALS = {signal.name: signal for signal in SIGNALS}
+
+_LOGGED = {
+    'applied_effort': '; its name here is `applied`',
+    'cmd_vel': '; `rates` contains it',
+    'arm_rates': '; `rates` contains them',
+    'telemetry': '; its signals are attributes here',
+}
+"""Ends of messages about attributes that only logged runs have."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -42,7 +53,7 @@ class SimulatedRun:
     ----------
     scenario
         Parameter file and changed values.
-    time
+    times
         (n) Times of the ticks in s.
     signals
         Arrays (n, components) by name, in SI units.
@@ -54,7 +65,7 @@ class SimulatedRun:
     """
 
     scenario: Scenario
-    time: Array
+    times: Array
     signals: Mapping[str, NDArray[Any]]
     metrics: Metrics
     mechanism: Mechanism
@@ -62,7 +73,10 @@ class SimulatedRun:
     def __getattr__(self, name: str) -> NDArray[Any]:
         """Return a signal (n, components) by its name; AttributeError for another name."""
         if name not in _SIGNALS:
-            raise AttributeError(f'{name}: no signal; known are {", ".join(_SIGNALS)}')
+            raise AttributeError(
+                f'{name}: no signal; known are times, {", ".join(_SIGNALS)}'
+                + _LOGGED.get(name, '')
+            )
         return self.signals[name]
 
     def __dir__(self) -> list[str]:
@@ -73,6 +87,10 @@ class SimulatedRun:
         """Return the table of the metrics."""
         return text_table({self.label: self.metrics})
 
+    def _repr_html_(self) -> str:
+        """Return the table of the metrics for notebooks."""
+        return html_table({self.label: self.metrics})
+
     @property
     def label(self) -> str:
         """Return the law with its switching term, as in tables and figures."""
@@ -81,7 +99,29 @@ class SimulatedRun:
     @property
     def plot(self) -> Plots:
         """Return the figures of the run."""
-        return Plots(self.label, self.time, self.error, self.metrics)
+        plant = self.scenario.values['plant']
+        robot = robot_of(plant)
+        theta = TrueTheta(robot, plant).at(self.times)
+        adapted = relative(self.times, self.estimate, theta, self.mechanism.theta)
+        return Plots(
+            self.label,
+            self.times,
+            self.error,
+            self.metrics,
+            adapted,
+            torque=self._columns('torque'),
+            surface_values=self._columns('surface'),
+            estimate=self._columns('estimate'),
+            places=self.mechanism.places,
+            actual=robot.task_positions(self.true_position),
+            desired=self.reference[:, :len(self.mechanism.axes)],
+        )
+
+    def _columns(self, signal: str) -> Columns:
+        names = self.components(signal)
+        if signal == 'torque':
+            names = tuple(joint.short for joint in self.mechanism.joints)
+        return Columns(self.signals[signal], names, self.units(signal))
 
     def components(self, signal: str) -> tuple[str, ...]:
         """
@@ -102,30 +142,82 @@ class SimulatedRun:
                          for name in names)  # fmt: skip
         return tuple(entry.name for entry in named[str(size)]) if size else ('',)
 
+    def units(self, signal: str) -> tuple[str, ...]:
+        """
+        Return the units of the components of a signal.
+
+        KeyError for an unknown signal.
+        """
+        declared, mechanism = _SIGNALS[signal], self.mechanism
+        size = str(declared.size)
+        joints = [joint.unit for joint in mechanism.joints]
+        if size == 'desired':
+            axes = [axis.unit for axis in mechanism.axes]
+            return tuple(f'{unit}{per}' for per in ('', '/s', '/s²') for unit in axes)
+        if signal in ('position', 'true_position'):
+            return tuple(position.unit for position in mechanism.positions)
+        if signal in ('velocity', 'true_velocity'):
+            return tuple(f'{position.unit}/s' for position in mechanism.positions)
+        if signal == 'rates':
+            twist = [velocity.unit for velocity in mechanism.twist]
+            return (*twist, *(f'{unit}/s' for unit in joints[len(twist):]))
+        if size == 'joints':
+            return tuple(joint.effort_unit for joint in mechanism.joints)
+        named = {'axes': mechanism.axes, 'parameters': mechanism.theta}
+        if size in named:
+            return tuple(declared.unit_of(quantity.unit) for quantity in named[size])
+        return (declared.unit,)
+
     def to_arrow(self) -> pa.Table:
         """
         Return all signals as an Arrow table of n rows, with a column for each component.
 
-        The columns are `time` and SIGNAL_COMPONENT, such as `error_x_E`. It needs pyarrow.
+        The columns are `time` and SIGNAL_COMPONENT, such as `error_x_E`; their units are metadata
+        of the fields. It needs pyarrow.
         """
         import pyarrow as pa
 
-        columns = {'time': self.time}
+        columns, fields = [pa.array(self.times)], [('time', 's')]
         for name, values in self.signals.items():
-            for component, column in zip(self.components(name), values.T, strict=True):
-                columns['_'.join(filter(None, (name, component)))] = np.ascontiguousarray(column)
-        return pa.table(columns)
+            heads = zip(self.components(name), self.units(name), values.T, strict=True)
+            for component, unit, column in heads:
+                columns.append(pa.array(np.ascontiguousarray(column)))
+                fields.append(('_'.join(filter(None, (name, component))), unit))
+        schema = [
+            pa.field(name, column.type, metadata={'unit': unit})
+            for column, (name, unit) in zip(columns, fields, strict=True)
+        ]
+        return pa.Table.from_arrays(columns, schema=pa.schema(schema))
+
+    def to_pandas(self) -> pd.DataFrame:
+        """
+        Return all signals as a pandas data frame over time, with the columns of `to_arrow`.
+
+        It needs pyarrow and pandas.
+        """
+        frame: pd.DataFrame = self.to_arrow().to_pandas().set_index('time')
+        return frame
 
     def to_xarray(self) -> Any:
-        """Return all signals as an xarray dataset over time, with units and component names."""
+        """
+        Return all signals as an xarray dataset over time, with units and component names.
+
+        The attribute `units` is the unit of a signal; if components have different units, these
+        are the coordinate SIGNAL_unit, and `units` contains all of them.
+        """
         import xarray
 
         data = {}
         for name, values in self.signals.items():
             dimensions = ['time', f'{name}_component']
-            unit, text = _SIGNALS[name].unit, _SIGNALS[name].description
-            coordinates = {'time': self.time, dimensions[1]: list(self.components(name))}
-            attributes = {'units': unit, 'long_name': text}
+            units, text = self.units(name), _SIGNALS[name].description
+            different = list(dict.fromkeys(units))
+            coordinates: dict[str, Any] = {
+                'time': self.times, dimensions[1]: list(self.components(name)),
+            }
+            if len(different) > 1:
+                coordinates[f'{name}_unit'] = (dimensions[1], list(units))
+            attributes = {'units': ', '.join(different), 'long_name': text}
             data[name] = xarray.DataArray(values, coordinates, dimensions, attrs=attributes)
         dataset = xarray.Dataset(data)
         dataset['time'].attrs['units'] = 's'
@@ -164,7 +256,7 @@ def simulate(
     }
     error, mechanism = signals['error'], simulation.controller.mechanism
     has_torques = not blocks[0].commands_rates
-    samples = Samples.of_ticks(
+    samples = MetricSamples.of_ticks(
         error,
         signals['torque'] if has_torques else np.zeros((0, len(mechanism.joints))),
         simulation.timing.period,
@@ -172,8 +264,8 @@ def simulate(
         active=np.concatenate([block.active for block in blocks]),
         estimate=signals['estimate'][-1:],
     )
-    time = np.arange(len(error), dtype=np.float64) * simulation.timing.period
-    return SimulatedRun(loaded, time, signals, samples.metrics(), mechanism)
+    times = np.arange(len(error), dtype=np.float64) * simulation.timing.period
+    return SimulatedRun(loaded, times, signals, samples.metrics(), mechanism)
 
 
 def _name(signal: Signal) -> str:

@@ -13,19 +13,21 @@ import math
 import shlex
 
 from masmc_ros.campaign.axes import Axis
-from masmc_ros.campaign.draws import check_range, Draw, drawn
+from masmc_ros.campaign.draws import check_range, Draw, drawn_values
 from masmc_ros.campaign.runs import (
     checked_scenario,
     Description,
+    FEWEST_ALIKE,
     NODES,
     Run,
     scenario_of,
     WORTH_LANES,
 )
-from masmc_ros.campaign.variable import check_distinct, Scenario, Variable
+from masmc_ros.campaign.variable import check_distinct, ScenarioValues, Variable
 from masmc_ros.errors import InputError
 from masmc_ros.law import registry
 from masmc_ros.law.law import Law
+from masmc_ros.loop.batch_simulation import of_all_lanes
 from masmc_ros.loop.simulated_robot import RIGID
 from masmc_ros.params.scenario import check_start
 from masmc_ros.params.text import yaml_text
@@ -70,7 +72,7 @@ class Campaign(Description):
 
     file: str
     settings: tuple[str, ...]
-    scenario: Scenario
+    scenario: ScenarioValues
     axes: tuple[Axis, ...] = ()
     draws: tuple[Draw, ...] = ()
     repeats: int = 1
@@ -94,6 +96,28 @@ class Campaign(Description):
                    *(('--draw', draw.name) for draw in self.draws)]  # fmt: skip
         return tuple(
             Variable.named(name, self.mechanism, f'{option} {name}') for option, name in options
+        )
+
+    @cached_property
+    def notice(self) -> str:
+        """Return a line on variables that prevent parallel runs; '' if there is none."""
+        if self.lanes == 1 or self.scenario['plant']['physics'] != RIGID:
+            return ''
+        equal = of_all_lanes(self.scenario)
+        names = [
+            variable.name
+            for variable in self.variables
+            if any(f'{n}.{p.name}' in equal for n, p in variable.readers.items())
+        ]
+        groups = math.prod(len(axis.values) for axis in self.axes if axis.name in names)
+        is_drawn = any(draw.name in names for draw in self.draws)
+        if not is_drawn and self.total >= FEWEST_ALIKE * groups:
+            return ''
+        return (
+            f'{", ".join(names)}: law, timing or path differ between most runs, so each run is '
+            'computed alone, which takes about five times as long as runs that differ in '
+            'parameters of the robot, the gains or the disturbance; expected a few values by '
+            '--vary, with --runs for the draws of the others'
         )
 
     @cached_property
@@ -124,7 +148,7 @@ class Campaign(Description):
         shape = tuple(len(axis.values) for axis in self.axes)
         places = np.unravel_index(points, shape) if shape else ()
         start = int(repeats.min())
-        known = drawn(
+        known = drawn_values(
             self.draws, self.seed, start, int(repeats.max()) + 1 - start, sobol=self.sobol
         )
         for k, number in enumerate(numbers.tolist()):
@@ -229,7 +253,7 @@ def campaign_of(
     return campaign
 
 
-def _check(variable: Variable, scenario: Scenario, value: object, place: str) -> None:
+def _check(variable: Variable, scenario: ScenarioValues, value: object, place: str) -> None:
     try:
         written = {node: dict(values) for node, values in scenario.items()}
         variable.write(written, value)

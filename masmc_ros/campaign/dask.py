@@ -18,6 +18,7 @@ import platform
 from types import TracebackType
 
 from distributed import as_completed, Client, Future
+from distributed.comm import CommClosedError
 from distributed.scheduler import KilledWorker
 from masmc_ros import __version__
 from masmc_ros.campaign.part import Rows, rows_of_text
@@ -129,7 +130,7 @@ class Cluster:
                     f'a part of the campaign has killed several workers: {error}; expected enough '
                     'memory on each worker'
                 ) from None
-            except CancelledError as error:
+            except (CancelledError, CommClosedError) as error:
                 raise InputError(
                     f'the connection to the Dask scheduler was lost ({error}); expected one that '
                     'runs until the end'

@@ -163,7 +163,9 @@ def check_range(one: Draw, parameter: Parameter) -> None:
             )
 
 
-def drawn(draws: Sequence[Draw], seed: int, first: int, count: int, *, sobol: bool) -> list[Array]:
+def drawn_values(
+    draws: Sequence[Draw], seed: int, first: int, count: int, *, sobol: bool
+) -> list[Array]:
     """
     Return the values (count) of each draw in the runs `first` to `first + count - 1`.
 

@@ -4,7 +4,7 @@
 """
 Rows of a part of a campaign, as a pure function of the campaign and the numbers of the runs.
 
-Runs of equal law, timing and trajectory are computed in lanes. Every lane is bitwise identical to
+Runs of equal law, timing and path are computed in lanes. Every lane is bitwise identical to
 the run alone, so the rows do not depend on the size of parts or on the order.
 """
 
@@ -14,8 +14,10 @@ from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import Any
 
-from masmc_ros.campaign.runs import Description, Run
+from masmc_ros.campaign.runs import Description, FEWEST_ALIKE, Run
 from masmc_ros.errors import InputError
+from masmc_ros.law import registry
+from masmc_ros.law.law import Law
 from masmc_ros.loop.batch_simulation import of_all_lanes
 from masmc_ros.loop.simulated_robot import RIGID
 from masmc_ros.report.measure.metrics import Metrics, Reached
@@ -34,6 +36,15 @@ class StoppedError(Exception):
 
 def metric_columns(mechanism: Mechanism) -> list[Column]:
     """Return the metrics of the rows of a campaign with a robot."""
+    return [column for column in _all_columns(mechanism) if column.is_of_campaigns]
+
+
+def missing_columns(mechanism: Mechanism) -> list[Column]:
+    """Return the metrics of reports that campaigns do not compute."""
+    return [column for column in _all_columns(mechanism) if not column.is_of_campaigns]
+
+
+def _all_columns(mechanism: Mechanism) -> list[Column]:
     return columns([Metrics(0.0, 0.0, {point: Reached() for point in mechanism.points}, 0)])
 
 
@@ -90,7 +101,7 @@ def evaluated(
     Parameters
     ----------
     runs
-        Runs; those that differ in law, timing or trajectory are in separate batches.
+        Runs; those that differ in law, timing or path are in separate batches.
     lanes
         Number of runs of a batch.
     is_stopped
@@ -100,6 +111,9 @@ def evaluated(
     groups: dict[tuple[object, ...], list[int]] = {}
     for place, run in enumerate(runs):
         groups.setdefault(tuple(of_all_lanes(run.scenario).values()), []).append(place)
+    if len(groups) > 1 and len(runs) < FEWEST_ALIKE * len(groups):
+        # A batch takes as long as some runs alone, also if most of its lanes are copies.
+        lanes = 1
     results: list[Metrics | float] = [np.nan] * len(runs)
     for group in groups.values():
         for start in range(0, len(group), lanes):
@@ -125,7 +139,9 @@ def rows_of_text(kind: type[Description], text: str, first: int, count: int) -> 
 def _computed(batch: Sequence[Run], lanes: int) -> list[Metrics | float]:
     """Return the metrics of the runs of a batch; the last run fills the remaining lanes."""
     scenarios = [run.scenario for run in batch]
-    if scenarios[0]['plant']['physics'] != RIGID:
+    # Neither wheels in contact nor laws in plain Python have lanes.
+    is_compiled = isinstance(registry.load(scenarios[0]['controller']['law']), Law)
+    if not is_compiled or scenarios[0]['plant']['physics'] != RIGID:
         return [simulated_metrics(scenario) for scenario in scenarios]
     try:
         return reduced_metrics([*scenarios, *scenarios[-1:] * (lanes - len(batch))])

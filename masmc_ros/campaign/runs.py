@@ -13,7 +13,7 @@ import hashlib
 from typing import Self
 
 from masmc_ros import __version__
-from masmc_ros.campaign.variable import Scenario, Variable
+from masmc_ros.campaign.variable import ScenarioValues, Variable
 from masmc_ros.jit.record import AT_RUN_TIME
 from masmc_ros.log.write.provenance import git_state
 from masmc_ros.params.declaration import check_all, MutableValues
@@ -30,6 +30,9 @@ LANES = 16
 
 WORTH_LANES = 4 * LANES
 """Smallest number of runs for which compiling a kernel for lanes saves time."""
+
+FEWEST_ALIKE = 3
+"""Smallest mean number of runs of equal law, timing and path for which a batch saves time."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +53,7 @@ class Run:
 
     number: int
     values: MutableValues
-    scenario: Scenario
+    scenario: ScenarioValues
 
 
 class Description(ABC):
@@ -64,7 +67,7 @@ class Description(ABC):
 
     """
 
-    scenario: Scenario
+    scenario: ScenarioValues
 
     @property
     @abstractmethod
@@ -121,7 +124,7 @@ class Description(ABC):
             yield first, min(size, self.total - first)
 
 
-def scenario_of(file: str, settings: Sequence[str]) -> Scenario:
+def scenario_of(file: str, settings: Sequence[str]) -> ScenarioValues:
     """Return the checked values of NODES of a parameter file, with the text of its URDF."""
     scenario = load_scenario(file, settings)
     urdf = scenario['plant'].get(URDF)
@@ -132,7 +135,7 @@ def scenario_of(file: str, settings: Sequence[str]) -> Scenario:
     return {node: {**scenario[node], URDF: described(urdf)[0]} for node in NODES}
 
 
-def checked_scenario(values: Scenario) -> Scenario:
+def checked_scenario(values: ScenarioValues) -> ScenarioValues:
     """Return the checked values of a scenario that was read from JSON."""
     mechanism = mechanism_from(values['plant'])
     return {node: check_all(declared(node, mechanism), values[node]) for node in NODES}

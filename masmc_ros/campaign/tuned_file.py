@@ -6,15 +6,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
-from masmc_ros.campaign.variable import Scenario, Variable
+from masmc_ros.campaign.variable import ScenarioValues, Variable
 from masmc_ros.errors import InputError
 from masmc_ros.params.blocks import read_blocks
 from masmc_ros.params.declaration import Values
+from masmc_ros.params.file import anywhere
 from masmc_ros.params.node_parameters import NODES
-from masmc_ros.params.scenario import load_scenario
+from masmc_ros.params.scenario import load_scenario, source_of
 import yaml
 
 _BLOCK = '/**/plant: {ros__parameters: {duration: 1.0}}'
@@ -36,8 +36,8 @@ class BaseFile(NamedTuple):
     """
 
     text: str
-    original: Scenario
-    scenario: Scenario
+    original: ScenarioValues
+    scenario: ScenarioValues
 
     @classmethod
     def read(cls, file: str, settings: Sequence[str]) -> BaseFile:
@@ -48,7 +48,7 @@ class BaseFile(NamedTuple):
         """
         original, scenario = load_scenario(file), load_scenario(file, settings)
         try:
-            text = Path(file).read_text(encoding='utf-8').rstrip('\n')
+            text = source_of(file, settings).text.decode('utf-8').rstrip('\n')
             read_blocks(f'{text}\n{_BLOCK}'.encode(), file)
         except (UnicodeDecodeError, InputError):
             raise InputError(
@@ -81,6 +81,7 @@ class BaseFile(NamedTuple):
             changed = {
                 n: v for n, v in scenario[node].items() if n not in original or v != original[n]
             }
+            changed |= anywhere(scenario[node])
             if changed:
                 block = {f'/**/{node}': {'ros__parameters': _nested(changed)}}
                 text = yaml.safe_dump(block, default_flow_style=None, width=99)

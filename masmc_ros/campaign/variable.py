@@ -23,7 +23,7 @@ _ENTRY = re.compile(r'(.+)\[([0-9]+)\]')
 _TYPES: dict[str, type[np.generic]] = {'bool': np.bool_, 'integer': np.int64, 'string': np.str_}
 """Types of columns by kind; the others are doubles."""
 
-Scenario = dict[str, MutableValues]
+ScenarioValues = dict[str, MutableValues]
 """Checked values by node and name."""
 
 
@@ -98,7 +98,7 @@ class Variable:
             for node, parameter in self.readers.items()
         )
 
-    def write(self, scenario: Scenario, value: object) -> None:
+    def write(self, scenario: ScenarioValues, value: object) -> None:
         """Write a value into a scenario, for all nodes; InputError if a node would reject it."""
         for node, parameter in self.readers.items():
             if node in scenario:
@@ -130,7 +130,7 @@ class Variable:
         """Return values of several runs as an array (runs) of the type of the parameter."""
         return np.array(values, _TYPES.get(self.parameter.kind, np.float64))
 
-    def setting(self, scenario: Scenario) -> str:
+    def setting(self, scenario: ScenarioValues) -> str:
         """Return the option `--set` that gives the parameter its value in a scenario."""
         node, parameter = next(iter(self.readers.items()))
         whole = self.name.partition('[')[0]

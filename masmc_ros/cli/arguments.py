@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+import math
 import sys
 from typing import Any, NoReturn
 
 from masmc_ros.errors import suggestion
+from masmc_ros.params.text import yaml_text
 
 
 class Parser(argparse.ArgumentParser):
@@ -48,10 +50,30 @@ def add_file(parser: argparse.ArgumentParser, alternative: str = '') -> None:
     parser.add_argument('file', help=text + alternative)
 
 
+class _Path(argparse.Action):
+    """Option that adds the settings of a path from a file."""
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: Any,
+        option_string: str | None = None,
+    ) -> None:
+        settings = 'trajectory.type=file', f'trajectory.file.path={yaml_text(values)}'
+        namespace.set = [*namespace.set, *settings]
+
+
 def add_settings(parser: argparse.ArgumentParser) -> None:
     """Add `--set`."""
     text = 'value of a parameter: NODE.parameter, or a shared one for all nodes; repeatable'
     parser.add_argument('--set', action='append', default=[], metavar='NAME=VALUE', help=text)
+
+
+def add_path(parser: argparse.ArgumentParser) -> None:
+    """Add `--path`, after `--set`."""
+    text = 'file of the path to follow: CSV, Parquet or YAML'
+    parser.add_argument('--path', action=_Path, metavar='FILE', help=text)
 
 
 def add_logs(parser: argparse.ArgumentParser) -> None:
@@ -108,3 +130,14 @@ def whole(text: str) -> int:
     if not text.isdecimal():
         raise argparse.ArgumentTypeError(f"'{text}': expected a whole number >= 0")
     return int(text)
+
+
+def positive(text: str) -> float:
+    """Return a finite number > 0."""
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not 0.0 < number < math.inf:
+        raise argparse.ArgumentTypeError(f"'{text}': expected a number > 0")
+    return number

@@ -8,17 +8,34 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
+import sys
 
 from masmc_ros.campaign.axes import Axis
 from masmc_ros.campaign.campaign import campaign_of
 from masmc_ros.campaign.draws import draw
 from masmc_ros.campaign.engine import carry_out
-from masmc_ros.campaign.summary import label, metric_named, text, values_by_point
-from masmc_ros.cli.arguments import add_file, add_output, add_seed, add_settings, add_workers
+from masmc_ros.campaign.summary import (
+    grid_lines,
+    label,
+    metric_named,
+    summary,
+    text,
+    values_by_point,
+)
+from masmc_ros.cli.arguments import (
+    add_file,
+    add_json,
+    add_output,
+    add_seed,
+    add_settings,
+    add_workers,
+)
+from masmc_ros.cli.urdf_choices import print_choices
+from masmc_ros.json_text import json_text
 from masmc_ros.output_files import write_file
 from masmc_ros.report.aligned import WIDTH
 from masmc_ros.report.draw.campaign_figures import draws_figure, map_figure, MapAxis
-from masmc_ros.report.draw.style import paper_style, png
+from masmc_ros.report.draw.style import figure_file, paper_style
 from masmc_ros.share import scenario_file
 from tqdm import tqdm
 
@@ -37,6 +54,7 @@ def add_campaign(parser: argparse.ArgumentParser, folder: str) -> None:
     )  # fmt: skip
     add_output(parser, folder)
     add_workers(parser)
+    add_json(parser)
 
 
 def add_draws(parser: argparse.ArgumentParser, *, is_required: bool) -> None:
@@ -54,8 +72,10 @@ def add_draws(parser: argparse.ArgumentParser, *, is_required: bool) -> None:
 
 def run_campaign(options: argparse.Namespace, axes: Sequence[Axis] = ()) -> int:
     """Compute a campaign, write its dataset, summary and figures, and print the summary."""
+    file = scenario_file(options.file)
+    print_choices(file, options.set)
     campaign = campaign_of(
-        scenario_file(options.file),
+        file,
         options.set,
         axes=axes,
         draws=[draw(text) for text in options.draw],
@@ -65,6 +85,10 @@ def run_campaign(options: argparse.Namespace, axes: Sequence[Axis] = ()) -> int:
     )
     metric = metric_named(campaign, options.metric)
     folder = Path(options.output)
+    if campaign.notice:
+        print(campaign.notice, file=sys.stderr, flush=True)
+    for line in grid_lines(campaign):
+        print(line, file=sys.stderr, flush=True)
     progress = tqdm(total=campaign.total, unit='run', disable=None)
     with progress:
         dataset = carry_out(
@@ -78,13 +102,17 @@ def run_campaign(options: argparse.Namespace, axes: Sequence[Axis] = ()) -> int:
         if campaign.axes:
             map_axes = [MapAxis(*axis) for axis in campaign.axes]
             medians = values_by_point(campaign, values) * metric.factor
-            contents['map.png'] = png(map_figure(map_axes, medians, label(metric)))
+            contents['map.png'] = figure_file(map_figure(map_axes, medians, label(metric)))
         if campaign.draws:
             drawn = {draw.name: columns[draw.name] for draw in campaign.draws}
             figure = draws_figure(drawn, values * metric.factor, columns['lost'], label(metric))
-            contents['draws.png'] = png(figure)
+            contents['draws.png'] = figure_file(figure)
     for name, content in contents.items():
         write_file(folder / name, content)
+    if options.json:
+        files = [folder / name for name in (RUNS, *contents)]
+        print(json_text({**summary(campaign, columns, metric), 'files': files}))
+        return 0
     print(text(campaign, columns, metric, WIDTH))
     print(f'dataset and report: {folder}/ ({", ".join([f"{RUNS}/", *contents])})')
     return 0

@@ -81,8 +81,12 @@ def final(status: int) -> int:
 
 
 def child_environment() -> dict[str, str]:
-    """Return the variable that makes a child `masmc run` end with this process."""
-    return {_PARENT: str(os.getpid())}
+    """
+    Return the variables of a child `masmc run`: it ends with this process.
+
+    It reads its arguments as UTF-8, as rcl does, in any locale.
+    """
+    return {_PARENT: str(os.getpid()), 'PYTHONUTF8': '1'}
 
 
 def end_with_parent() -> None:

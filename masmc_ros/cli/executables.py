@@ -11,10 +11,11 @@ import sys
 
 from masmc_ros.cli.commands.run import NODES
 from masmc_ros.cli.endings import final
-from masmc_ros.cli.main import main
+from masmc_ros.cli.main import main, prepare_streams
 
 
 def _run(name: str) -> int:
+    prepare_streams()
     return final(main(['run', name, *sys.argv[1:]]))
 
 

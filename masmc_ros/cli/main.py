@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import codecs
 from collections.abc import Sequence
 from contextlib import suppress
 import errno
@@ -18,11 +19,12 @@ from masmc_ros import __version__
 from masmc_ros.cli.arguments import Parser
 from masmc_ros.cli.endings import Ended, ended_by_signals, final
 from masmc_ros.errors import UserError
-from masmc_ros.optional import explained
+from masmc_ros.optional import remedy
 
 COMMANDS = {
     'demo': "run the paper's experiment on real nodes and report it",
     'run': 'run a node if the ros2 command is not installed',
+    'play': 'run a robot on a page with plots and sliders of its gains',
     'simulate': 'compute a run without ROS',
     'warm': 'compile the code of a robot and its laws in advance',
     'laws': 'list the control laws',
@@ -31,6 +33,7 @@ COMMANDS = {
     'monte-carlo': 'run a scenario with random parameters',
     'tune': 'search gains for a small error and small effort',
     'robot': 'print the robot of a parameter file',
+    'preview': 'check a path against the limits of the robot',
     'recover': 'complete truncated or damaged logs',
     'param': 'read and set parameters of running nodes',
     'report': "write metrics, an interactive page and the paper's figures of logged runs",
@@ -38,12 +41,19 @@ COMMANDS = {
     'identify': 'identify latency, friction and inertial parameters from a logged run',
     'view': 'show a logged run in Foxglove',
     'layout': 'write the layout for Foxglove with the plots of a robot',
+    'library': 'write a controller as a C library for programs without Python',
     'export': 'write logged runs as tables or arrays',
 }
 """Commands and their help; the module `masmc_ros.cli.commands.NAME` contains each, - as _."""
 
 _REJECTED = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
 """Errors of standard output that is a file, a device, or a closed terminal."""
+
+_RAW_BYTES = 'surrogateescape'
+"""Error handler of standard output with LC_ALL=C: it writes bytes of file names unmodified."""
+
+_ESCAPED = 'masmc_ros.escaped'
+"""Error handler that also escapes characters the encoding lacks."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -55,9 +65,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     is_process = arguments is None
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     name = ' '.join(['masmc', *arguments[:1]])
-    if is_process and isinstance(sys.stdout, TextIOWrapper) and sys.stdout.errors == 'strict':
-        # Greek letters, or file names that are no text, do not fit every encoding.
-        sys.stdout.reconfigure(errors='backslashreplace')
+    if is_process:
+        prepare_streams()
     status = 0
     try:
         status = _run(name, arguments, restores_signals=not is_process)
@@ -75,7 +84,35 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return final(status) if is_process else status
 
 
+def prepare_streams() -> None:
+    """Let standard output escape characters that its encoding lacks; open closed streams."""
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            # Otherwise a file of results gets this number, and messages of libraries in it.
+            os.open(os.devnull, os.O_RDWR)
+    if isinstance(sys.stdout, TextIOWrapper) and sys.stdout.errors in ('strict', _RAW_BYTES):
+        # Greek letters, or file names that are no text, do not fit every encoding.
+        codecs.register_error(_ESCAPED, _escaped)
+        errors = _ESCAPED if sys.stdout.errors == _RAW_BYTES else 'backslashreplace'
+        sys.stdout.reconfigure(errors=errors)
+
+
+def _escaped(error: UnicodeError) -> tuple[str | bytes, int]:
+    """Return the bytes of a file name that is no text, an escape of any other character."""
+    try:
+        return codecs.lookup_error(_RAW_BYTES)(error)
+    except UnicodeError:
+        return codecs.backslashreplace_errors(error)
+
+
 def _run(name: str, arguments: list[str], *, restores_signals: bool) -> int:
+    try:
+        os.getcwd()
+    except OSError as error:
+        line = f'{name}: the working folder cannot be found: {error.strerror}; change to another'
+        return _fail(line)
     if arguments[:1] == ['run'] and arguments[1:2] not in (['-h'], ['--help'], []):
         # All arguments after NODE are for the node, ROS arguments above all.
         from masmc_ros.cli.commands.run import run_node
@@ -91,7 +128,7 @@ def _run(name: str, arguments: list[str], *, restores_signals: bool) -> int:
             status: int = options.run(options)
             return status
     except ModuleNotFoundError as missing:
-        return _fail(f'{name}: {explained(missing)}')
+        return _fail(f'{name}: {remedy(missing)}')
     except UserError as error:
         return _fail(f'{name}: {error}', error.exit_status)
     except Ended as end:

@@ -11,6 +11,7 @@ import os
 
 from masmc_ros.errors import InputError
 from masmc_ros.messages.stamps import header_stamp
+from masmc_ros.nodes.middleware.log_folder import prepare_log_folder
 from masmc_ros.nodes.middleware.transport import prepare_transport
 from nav_msgs.msg import Odometry
 import rclpy
@@ -25,9 +26,11 @@ def run_progress(domain: int) -> Iterator[Callable[[], float]]:
     """Yield a function that returns the time of a run in s, after at most 0.1 s of waiting."""
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     prepare_transport()
+    prepare_log_folder()
     context = Context()
     options = SignalHandlerOptions.NO
-    rclpy.init(context=context, domain_id=domain, signal_handler_options=options)
+    # Without the arguments of the command: rcl accepts only UTF-8.
+    rclpy.init(args=[], context=context, domain_id=domain, signal_handler_options=options)
     node = rclpy.create_node('progress', context=context, enable_rosout=False)
     executor = EventsExecutor(context=context)
     executor.add_node(node)

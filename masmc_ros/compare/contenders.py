@@ -40,6 +40,11 @@ class Contender(NamedTuple):
         chosen = (f'controller.law={self.law}',)
         return (*chosen, f'controller.switching={self.switching}') if self.switching else chosen
 
+    @property
+    def is_plain(self) -> bool:
+        """Return True for plain Python: no lanes, and torques of all joints only."""
+        return not isinstance(registry.load(self.law), Law)
+
 
 _ALL = 'all'
 
@@ -52,9 +57,9 @@ def contenders(names: str, mechanism: Mechanism, own: str) -> tuple[Contender, .
     Return the contenders of `--laws`: LAW or LAW:SWITCHING, separated by commas, or `all`.
 
     `all` is every law for this kind of robot except an earlier one by another name; laws with a
-    reaching term have that of the scenario, `own`, and also `tanh` and `implicit`. Raises
-    InputError for an unknown name, and for a law that is not compiled or not suitable for the
-    robot.
+    reaching term have that of the scenario, `own`, and also `tanh` and `implicit`. Laws in plain
+    Python are selected by name only. Raises InputError for an unknown name, and for a law that is
+    not suitable for the robot.
     """
     if names == _ALL:
         return tuple(_every(mechanism, own))
@@ -67,9 +72,7 @@ def contenders(names: str, mechanism: Mechanism, own: str) -> tuple[Contender, .
             hint = suggestion(switching, registry.SWITCHING)
             raise InputError(f"--laws: '{switching}' in '{name}' is unknown; {hint}")
         loaded = registry.load_for(law, mechanism)
-        if not isinstance(loaded, Law):
-            raise InputError(f"--laws: '{law}' is plain Python; expected laws of formulas")
-        if colon and not loaded.uses_switching:
+        if colon and not (isinstance(loaded, Law) and loaded.uses_switching):
             raise InputError(f"--laws: '{name}': {law} has no reaching term; write {law}")
         selected.append(Contender(law, switching))
     return tuple(dict.fromkeys(selected))

@@ -12,8 +12,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-VERSION = 1
-"""Version of the conditions."""
+VERSION = 2
+"""Version of the conditions: 2 has the smaller torque limits of the file and of the URDF."""
 
 NAME = f'hardware {VERSION}'
 """Name of the set in results."""

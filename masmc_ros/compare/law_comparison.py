@@ -5,9 +5,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 import json
 
@@ -20,11 +20,12 @@ from masmc_ros.campaign.runs import (
     scenario_of,
     WORTH_LANES,
 )
-from masmc_ros.campaign.variable import Scenario, Variable
+from masmc_ros.campaign.variable import ScenarioValues, Variable
+from masmc_ros.compare import foreign
 from masmc_ros.compare.contenders import Contender, contenders, marked
-from masmc_ros.compare.trials import drawn, sets_observer, Trial, trials_named
+from masmc_ros.compare.trials import drawn_robot, sets_observer, Trial, trials_named
 from masmc_ros.errors import InputError
-from masmc_ros.law.command_interface import takes_rates
+from masmc_ros.law.command_interface import is_hybrid, takes_rates
 from masmc_ros.params.file import parse_value
 from masmc_ros.robot.mechanisms import mechanism_from
 import numpy as np
@@ -46,7 +47,7 @@ class Comparison(Description):
 
     """
 
-    scenario: Scenario
+    scenario: ScenarioValues
     contenders: tuple[Contender, ...]
     trials: tuple[Trial, ...]
     seeds: int
@@ -55,6 +56,20 @@ class Comparison(Description):
     def total(self) -> int:
         """Return the number of runs."""
         return len(self.contenders) * len(self.trials) * self.seeds
+
+    def by_kind(self) -> list[Comparison]:
+        """
+        Return a comparison of the laws in plain Python, and one of the compiled laws.
+
+        Each one has the trials that its laws can run. Mistakes in plain Python end the first one.
+        """
+        plain = tuple(contender for contender in self.contenders if contender.is_plain)
+        compiled = tuple(contender for contender in self.contenders if not contender.is_plain)
+        of_torques = tuple(trial for trial in self.trials if not trial.is_hybrid)
+        kinds = replace(self, contenders=plain, trials=of_torques), replace(
+            self, contenders=compiled
+        )
+        return [kind for kind in kinds if kind.total]
 
     @property
     def lanes(self) -> int:
@@ -88,9 +103,9 @@ class Comparison(Description):
         """
         for number in range(first, first + count):
             point, seed = divmod(number, self.seeds)
-            yield Run(number, {}, drawn(self._scenario(point), self.mechanism, seed))
+            yield Run(number, {}, drawn_robot(self._scenario(point), self.mechanism, seed))
 
-    def _scenario(self, point: int) -> Scenario:
+    def _scenario(self, point: int) -> ScenarioValues:
         """Return the scenario of a contender in a trial; the trials are faster."""
         contender, trial = divmod(point, len(self.trials))
         settings = (
@@ -106,7 +121,12 @@ class Comparison(Description):
 
 
 def comparison_of(
-    file: str, settings: Sequence[str], laws: str, trials: str, seeds: int
+    file: str,
+    settings: Sequence[str],
+    laws: str,
+    trials: str,
+    seeds: int,
+    controllers: Mapping[str, foreign.Controller] | None = None,
 ) -> Comparison:
     """
     Return the comparison of laws in a parameter file.
@@ -119,11 +139,14 @@ def comparison_of(
         Names as in `--laws` and `--trials`.
     seeds
         Number of runs of each law in each trial.
+    controllers
+        Controllers from elsewhere by name, which are compared with the laws.
 
     Raises
     ------
     InputError
-        If a name is unknown or a value out of range, or if the scenario commands velocities.
+        If a name is unknown or a value out of range, or if the scenario commands velocities,
+        also those of the base for laws in plain Python.
 
     """
     scenario = scenario_of(file, settings)
@@ -136,6 +159,14 @@ def comparison_of(
     mechanism = mechanism_from(scenario['plant'])
     named = trials_named(trials, mechanism)
     chosen = contenders(laws, mechanism, controller['switching'])
+    for name, entered in (controllers or {}).items():
+        foreign.enter(name, entered)
+        chosen = (*chosen, Contender(name))
+    if is_hybrid(controller) and any(contender.is_plain for contender in chosen):
+        raise InputError(
+            f'{file}: command_interface = hybrid: laws in plain Python command torques; expected'
+            ' effort'
+        )
     if not sets_observer(named):
         chosen = marked(chosen, controller)
     return Comparison(scenario, chosen, named, seeds)
@@ -154,7 +185,7 @@ def compute(
     Parameters
     ----------
     comparison
-        Comparison.
+        Comparison of one kind of laws (`Comparison.by_kind`).
     threads, scheduler
         As for `campaign.engine.computed`.
     advance
@@ -166,6 +197,9 @@ def compute(
         If no scheduler answers, or if the runs cannot be computed.
 
     """
+    if comparison.contenders[0].is_plain:
+        # Threads share the interpreter, and a controller need not be safe in several of them.
+        threads, scheduler = 1, ''
     parts = []
     results = computed(comparison, comparison.parts, threads=threads, scheduler=scheduler)
     with closing(results):

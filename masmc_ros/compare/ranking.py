@@ -11,13 +11,15 @@ import math
 
 from masmc_ros.campaign.part import Rows
 from masmc_ros.compare.contenders import Contender
-from masmc_ros.compare.law_comparison import Comparison
+from masmc_ros.compare.foreign import summary_of
+from masmc_ros.compare.law_comparison import Comparison, compute
 from masmc_ros.report.measure.metrics import declared, Metrics
-from masmc_ros.robot.declaration import Point
+from masmc_ros.robot.declaration import Point, units_of
 import numpy as np
+from tqdm import tqdm
 
 LOST = 1.0
-"""Error in m from which a run is lost although it does not diverge."""
+"""Error in m or rad from which a run is lost although it does not diverge."""
 
 COMPARED = {name: metric for name, metric in declared(Metrics).items() if metric.is_compared}
 """Metrics of whole runs that are compared."""
@@ -30,15 +32,16 @@ class Row:
 
     Attributes
     ----------
-    error
-        RMS distance of all points together, m; infinite if most runs were lost.
+    together
+        RMS distance of all points of a unit together, by unit: m or rad, that of the first point
+        first; infinite if most runs were lost.
     errors
-        RMS distance of each of the robot's points, m, by its key; infinite if most runs were
-        lost.
+        RMS distance of each of the robot's points, m or rad, by its key; infinite if most runs
+        were lost.
     worst
-        largest error of the runs, m; infinite if one was lost.
+        largest error of the runs, in the unit of the first point; infinite if one was lost.
     largest
-        largest distance of any point during a run, m.
+        largest distance during a run of any point with the unit of the first one.
     efforts
         metrics of COMPARED by name.
     runs
@@ -48,13 +51,18 @@ class Row:
 
     """
 
-    error: float
+    together: Mapping[str, float]
     errors: Mapping[str, float]
     worst: float
     largest: float
     efforts: Mapping[str, float]
     runs: int
     lost: int
+
+    @property
+    def error(self) -> float:
+        """Return the error by which laws are ranked: that in the unit of the first point."""
+        return next(iter(self.together.values()))
 
     def numbers(self) -> dict[str, float]:
         """Return all numbers by name."""
@@ -66,17 +74,49 @@ class Row:
 
 @dataclass(frozen=True)
 class Ranked:
-    """A contender with its results in each trial, by name."""
+    """
+    A contender with its results.
+
+    Attributes
+    ----------
+    contender
+        Law or controller.
+    rows
+        Results by the name of the trial; trials that the contender cannot run are absent.
+    summary
+        Description in one line; empty if there is none.
+
+    """
 
     contender: Contender
     rows: Mapping[str, Row]
+    summary: str = ''
+
+
+def compared(
+    comparison: Comparison, *, threads: int = 0, scheduler: str = ''
+) -> list[Ranked]:
+    """
+    Compute all runs with a progress bar; return the contenders, the smallest error first.
+
+    Parameters and errors are those of `law_comparison.compute`.
+    """
+    ranked, kinds = [], comparison.by_kind()
+    total = sum(kind.total for kind in kinds)
+    with tqdm(total=total, unit='run', disable=None) as progress:
+        for kind in kinds:
+            rows = compute(
+                kind, threads=threads, scheduler=scheduler, advance=progress.update
+            )
+            ranked += ranking(kind, rows)
+    return by_error(ranked, comparison.trials[0].name)
 
 
 def ranking(comparison: Comparison, rows: Rows) -> list[Ranked]:
     """
     Return the contenders by their error in the first trial, the smallest error first.
 
-    `rows` are those of all runs, see `compare.campaign.compute`.
+    `rows` are those of all runs, see `compare.law_comparison.compute`.
     """
     columns = {name: values.tolist() for name, values in rows.items()}
     points = comparison.mechanism.points
@@ -87,34 +127,48 @@ def ranking(comparison: Comparison, rows: Rows) -> list[Ranked]:
             runs = slice(first, first + comparison.seeds)
             by_trial[trial.name] = _row({n: v[runs] for n, v in columns.items()}, points)
             first = runs.stop
-        results.append(Ranked(contender, by_trial))
-    name = comparison.trials[0].name
-    return sorted(results, key=lambda entry: (entry.rows[name].error, entry.contender.label))
+        results.append(Ranked(contender, by_trial, summary_of(contender.law)))
+    return by_error(results, comparison.trials[0].name)
+
+
+def by_error(ranked: Sequence[Ranked], trial: str) -> list[Ranked]:
+    """Return contenders by their error in a trial; those without the trial are last."""
+
+    def key(entry: Ranked) -> tuple[float, str]:
+        error = entry.rows[trial].error if trial in entry.rows else math.inf
+        return error, entry.contender.label
+
+    return sorted(ranked, key=key)
 
 
 def _row(columns: Mapping[str, Sequence[float]], points: Sequence[Point]) -> Row:
     """Return the results of the runs of a contender in a trial."""
-    distances = [
-        math.sqrt(sum(rms**2 for rms in of_run))
-        for of_run in zip(*(columns[f'{p.key}_rms'] for p in points), strict=True)
-    ]
-    largest = [
-        max(of_run) for of_run in zip(*(columns[f'{p.key}_max'] for p in points), strict=True)
-    ]
+    # A distance and an angle have no common norm.
+    keys = {unit: [p.key for p in points if p.unit == unit] for unit in units_of(points)}
+    distances = {
+        unit: [
+            math.sqrt(sum(rms**2 for rms in of_run))
+            for of_run in zip(*(columns[f'{key}_rms'] for key in of_unit), strict=True)
+        ]
+        for unit, of_unit in keys.items()
+    }
+    ranked, first = distances[points[0].unit], keys[points[0].unit]
+    extremes = [columns[f'{key}_max'] for key in first]
+    largest = [max(of_run) for of_run in zip(*extremes, strict=True)]
     # The distances of a run that diverged are NaN.
-    kept = [k for k, distance in enumerate(distances) if distance < LOST]
-    lost = len(distances) - len(kept)
-    is_lost = 2 * lost > len(distances)
+    kept = [k for k in range(len(ranked)) if all(d[k] < LOST for d in distances.values())]
+    lost = len(ranked) - len(kept)
+    is_lost = 2 * lost > len(ranked)
 
     def median(values: Sequence[float]) -> float:
         return float(np.median([values[k] for k in kept])) if kept and not is_lost else math.inf
 
     return Row(
-        error=median(distances),
+        together={unit: median(values) for unit, values in distances.items()},
         errors={p.key: median(columns[f'{p.key}_rms']) for p in points},
-        worst=math.inf if lost else max(distances),
+        worst=math.inf if lost else max(ranked),
         largest=median(largest),
         efforts={name: median(columns[metric.name]) for name, metric in COMPARED.items()},
-        runs=len(distances),
+        runs=len(ranked),
         lost=lost,
     )

@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-import json
+from collections.abc import Callable, Sequence
+from functools import partial
 import math
 from pathlib import Path
 import sys
@@ -14,15 +14,14 @@ from textwrap import fill
 
 from masmc_ros.compare.ranking import COMPARED, LOST, Ranked, Row
 from masmc_ros.compare.trials import Trial
-from masmc_ros.law import registry
-from masmc_ros.law.law import Law
+from masmc_ros.json_text import json_text
 from masmc_ros.report.aligned import aligned
 from masmc_ros.report.measure.table import number
 from masmc_ros.report.measure.tracking import SMALL
 from masmc_ros.report.page.template import rendered
-from masmc_ros.robot.declaration import Point, symbols_of
+from masmc_ros.robot.declaration import Point, symbols_of, units_of
 
-_LOST = 'lost'
+_LOST, _NOT_RUN = 'lost', '-'
 _PAGE = Path(__file__).with_name('page.html')
 _DECADES = 4.0
 """Decades of the error, relative to the smallest one, from a pale to a dark colour."""
@@ -64,28 +63,44 @@ def _of_trials(
     ranked: Sequence[Ranked], trials: Sequence[Trial], points: Sequence[Point]
 ) -> list[tuple[str, list[list[str]]]]:
     """Return heads and cells of the tables of error and variation by trials."""
-    together = ' together' if len(points) > 1 else ''
     variation = COMPARED['torque_variation']
-    errors, variations = (
-        [[cell(entry.rows[trial.name]) for trial in trials] for entry in ranked]
-        for cell in (_error, _variation)
-    )
+
+    def cells(value: Callable[[Row], str]) -> list[list[str]]:
+        return [
+            [_of_row(entry.rows.get(trial.name), value) for trial in trials] for entry in ranked
+        ]
+
     return [
-        (f'RMS error of {symbols_of(points)}{together}, {_units(points)}', errors),
-        (f'{variation.head.capitalize()}, {variation.unit}', variations),
+        *(
+            (
+                f'RMS error of {_together(points, unit)}, m{unit}',
+                cells(partial(_error, unit=unit)),
+            )
+            for unit in units_of(points)
+        ),
+        (
+            f'{variation.head.capitalize()}, {variation.unit}',
+            cells(lambda row: _effort(row.efforts['torque_variation'])),
+        ),
     ]
 
 
-def _error(row: Row) -> str:
-    return _small(row.error)
+def _of_row(row: Row | None, value: Callable[[Row], str]) -> str:
+    return _NOT_RUN if row is None else value(row)
 
 
-def _variation(row: Row) -> str:
-    return _effort(row.efforts['torque_variation'])
+def _error(row: Row, unit: str) -> str:
+    return _small(row.together[unit])
+
+
+def _together(points: Sequence[Point], unit: str) -> str:
+    """Return the symbols of the points with a unit, whose errors are added."""
+    added = [point for point in points if point.unit == unit]
+    return f'{symbols_of(added)}{" together" if len(added) > 1 else ""}'
 
 
 def _effort(value: float) -> str:
-    return number(value) if math.isfinite(value) else '-'
+    return number(value) if math.isfinite(value) else _NOT_RUN
 
 
 def _heads(points: Sequence[Point]) -> list[tuple[str, str]]:
@@ -93,24 +108,21 @@ def _heads(points: Sequence[Point]) -> list[tuple[str, str]]:
     return [
         ('law', ''),
         *((f'{point.symbol} RMS', f'({point.small_unit})') for point in points),
-        ('largest', f'({_units(points)})'),
+        ('largest', f'({points[0].small_unit})'),
         *((metric.head, f'({metric.unit})') for metric in COMPARED.values()),
         ('lost', 'runs'),
     ]
 
 
-def _units(points: Sequence[Point]) -> str:
-    """Return the units of the errors of all points."""
-    return ' or '.join(dict.fromkeys(point.small_unit for point in points))
-
-
 def _farthest(points: Sequence[Point]) -> str:
     """Return the distances from which a run is lost."""
-    return ' or '.join(dict.fromkeys(f'{LOST:g} {point.unit}' for point in points))
+    return ' or '.join(f'{LOST:g} {unit}' for unit in units_of(points))
 
 
 def _cells(entry: Ranked, trial: str, points: Sequence[Point]) -> list[str]:
-    row = entry.rows[trial]
+    row = entry.rows.get(trial)
+    if row is None:
+        return [entry.contender.label, *[_NOT_RUN] * (len(_heads(points)) - 1)]
     return [
         entry.contender.label,
         *(_small(row.errors[point.key]) for point in points),
@@ -127,29 +139,35 @@ def _small(error: float) -> str:
 def rows_of(ranked: Sequence[Ranked], trials: Sequence[Trial]) -> list[dict[str, object]]:
     """Return all numbers of each law and trial in SI units; None for infinite ones."""
     return [
+        {n: None if isinstance(v, float) and not math.isfinite(v) else v for n, v in row.items()}
+        for row in _rows(ranked, trials)
+    ]
+
+
+def _rows(ranked: Sequence[Ranked], trials: Sequence[Trial]) -> list[dict[str, object]]:
+    return [
         {
             **entry.contender._asdict(),
             'benchmark': trial.benchmark,
             'trial': trial.name,
-            **{n: v if math.isfinite(v) else None for n, v in row.numbers().items()},
+            **row.numbers(),
         }
         for entry in ranked
         for trial in trials
+        if trial.name in entry.rows
         for row in (entry.rows[trial.name],)
     ]
 
 
 def as_json(ranked: Sequence[Ranked], trials: Sequence[Trial]) -> str:
     """Return the rows as text."""
-    return json.dumps(rows_of(ranked, trials), indent=1)
+    return json_text(_rows(ranked, trials))
 
 
 def page(
     ranked: Sequence[Ranked], trials: Sequence[Trial], points: Sequence[Point], title: str
 ) -> str:
     """Return a comparison as HTML without external resources."""
-    rows = [entry.rows[trial.name] for entry in ranked for trial in trials]
-    least = min((row.error for row in rows), default=math.inf)
     return rendered(
         _PAGE,
         title=title,
@@ -160,19 +178,34 @@ def page(
         rows=[
             {
                 'law': entry.contender.label,
-                'summary': _summary(entry.contender.law),
+                'summary': entry.summary,
                 'cells': _cells(entry, trials[0].name, points)[1:],
-                'errors': [
-                    (_small(error), _shade(error, least))
-                    for error in (entry.rows[trial.name].error for trial in trials)
-                ],
             }
             for entry in ranked
         ],
-        runs=rows[0].runs if rows else 0,
-        units=_units(points),
+        maps=[_map_of(ranked, trials, points, unit) for unit in units_of(points)],
+        runs=next(iter(ranked[0].rows.values())).runs,
         farthest=_farthest(points),
     )
+
+
+def _map_of(
+    ranked: Sequence[Ranked], trials: Sequence[Trial], points: Sequence[Point], unit: str
+) -> dict[str, object]:
+    """Return head and shaded cells of the errors with a unit in all trials."""
+    least = min(row.together[unit] for entry in ranked for row in entry.rows.values())
+
+    def cell(row: Row | None) -> tuple[str, int]:
+        text = _of_row(row, partial(_error, unit=unit))
+        return text, 0 if row is None else _shade(row.together[unit], least)
+
+    return {
+        'head': f'RMS error of {_together(points, unit)}, m{unit}',
+        'rows': [
+            (entry.contender.label, [cell(entry.rows.get(trial.name)) for trial in trials])
+            for entry in ranked
+        ],
+    }
 
 
 def _shade(error: float, least: float) -> int:
@@ -182,8 +215,3 @@ def _shade(error: float, least: float) -> int:
     if least <= 0.0:
         return 0
     return round(100.0 * min(1.0, math.log10(error / least) / _DECADES))
-
-
-def _summary(name: str) -> str:
-    law = registry.load(name)
-    return law.summary if isinstance(law, Law) else ''

@@ -11,6 +11,7 @@ import math
 
 from masmc_ros.compare import hardware
 from masmc_ros.errors import InputError, suggestion
+from masmc_ros.law.command_interface import COMMAND_INTERFACE, COMMAND_INTERFACES, HYBRID
 from masmc_ros.law.reaching.implicit import OBSERVER_GAIN
 from masmc_ros.params.declaration import MutableValues, Values
 from masmc_ros.robot.declaration import Mechanism
@@ -23,6 +24,8 @@ _LOADED = 0.1
 """Part of the torque of the strongest arm drive that the payload's weight needs at 1 m."""
 
 _GRAVITY = 9.81
+
+_HYBRID = COMMAND_INTERFACES[HYBRID]
 
 
 @dataclass(frozen=True)
@@ -58,29 +61,37 @@ class Trial:
         mechanism
             Its type, with the limits of its drives.
         controller
-            Values of the controller; its limits apply to drives whose limit is unknown.
+            Values of the controller; its limits apply if they are smaller than those of the
+            drives, or if those are unknown.
 
         """
         torques = mechanism.default('torque_limit', 'joints')
         drives = {
-            name: _known(mechanism.default(name, 'joints'), (controller or {}).get(name))
+            name: _smaller(mechanism.default(name, 'joints'), (controller or {}).get(name))
             for name in ('torque_limit', 'torque_rate_limit')
         }
         drives['stiction'] = [_STICTION * torque for torque in torques]
-        usable = [_USABLE * torque for torque in torques]
-        drives['usable_torque'] = _known(usable, drives['torque_limit'])
+        drives['usable_torque'] = [
+            _USABLE * limit if torque > 0.0 else limit
+            for limit, torque in zip(drives['torque_limit'], torques, strict=True)
+        ]
         payload = _LOADED * _strongest(mechanism) / _GRAVITY
         return tuple(setting.format(**drives, payload=payload) for setting in self.settings)
+
+    @property
+    def is_hybrid(self) -> bool:
+        """Return True if the base follows velocities, which laws in plain Python cannot."""
+        return f'controller.{COMMAND_INTERFACE.name}={_HYBRID}' in self.settings
 
     def suits(self, mechanism: Mechanism) -> bool:
         """Return True if a robot can run the trial."""
         return bool(mechanism.twist) or not self.needs_base
 
 
-def _known(limits: Sequence[float], others: Sequence[float] | None) -> list[float]:
-    """Return the limits of drives; for unknown ones, which are 0, those of `others`."""
+def _smaller(limits: Sequence[float], others: Sequence[float] | None) -> list[float]:
+    """Return the smaller limits of two; a limit of 0 is unknown, and the other one applies."""
     pairs = zip(limits, others or limits, strict=True)
-    return [limit if limit > 0.0 else other for limit, other in pairs]
+    return [min(filter(None, pair), default=0.0) for pair in pairs]
 
 
 def _strongest(mechanism: Mechanism) -> float:
@@ -184,7 +195,7 @@ _INERTIAL = ('kg', 'kg·m²')
 """Units of the robot's parameters that are drawn randomly."""
 
 
-def drawn(
+def drawn_robot(
     scenario: dict[str, MutableValues], mechanism: Mechanism, seed: int
 ) -> dict[str, MutableValues]:
     """

@@ -36,7 +36,6 @@ from masmc_ros.control.actions import (
 from masmc_ros.control.layer_watch import LayerWatch
 from masmc_ros.control.lifecycle import find_transition, LifecycleState, state_of
 from masmc_ros.control.pacing import Pacing, PACINGS
-from masmc_ros.control.stamp_order import Order, StampOrder
 from masmc_ros.control.state_lateness import StateLateness
 from masmc_ros.control.supervisor import ACTIVE, FAULT, NO_REFERENCE, Supervisor
 from masmc_ros.errors import InputError, UserError
@@ -56,6 +55,7 @@ from masmc_ros.loop.safe_stop import BALANCE, BALANCE_TIME, GUIDE, SafeStop, UNF
 from masmc_ros.loop.simulated_robot import diverged
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.reference_window import ReferenceWindow
+from masmc_ros.messages.stamp_order import Order, StampOrder
 from masmc_ros.params.declaration import MutableValues, Values
 from masmc_ros.reference.approach import Approach
 from masmc_ros.reference.windows import ReferenceWindows
@@ -177,6 +177,7 @@ class ControllerCore:
         self._missed = self._second_look = self._void_due = math.inf
         self._is_stale = False
         self._is_confused = False
+        self._was_mixed = False
         self._has_plant = False
         # Whether this controller has commanded a torque since its start or `_release`.
         self._has_moved = False
@@ -221,6 +222,9 @@ class ControllerCore:
 
         """
         order = self._order.judge(stamp)
+        if order is Order.LATE and self._was_mixed:
+            # The later stamps may be those of the other robot.
+            order = self._order.set_back(stamp)
         if order is Order.LATE:
             # After a late state, a repetition of the last one does not prove that the robot runs.
             self.counts.late += 1
@@ -244,9 +248,27 @@ class ControllerCore:
         self._pending_order = order
         if self.pacing.is_timed:
             self._position[:], self._velocity[:] = position, velocity
-        if is_alive and not self.supervisor.is_active:
+        if is_alive and not self.supervisor.is_active and self._watch.may_continue(now):
             self._recover_states()
         return self._respond(stamp, position, velocity, now)
+
+    def on_mixed_states(self, senders: str, now: float) -> Actions | None:
+        """
+        End the law because states come from two robots; return None in lock-step.
+
+        Their torques would belong to no robot. The caller drops the states while they are mixed.
+        The next usable state ends the fault, as after missing states.
+        """
+        if not self.pacing.is_timed:
+            return None
+        was_active = self.supervisor.is_active
+        if not was_active and (self._is_stale or not self._stop.commands):
+            return NOTHING
+        if was_active:
+            self.supervisor.fail(STATES, f'states of two robots: {senders}')
+            self._publish_state()
+        self._missed, self._pending, self._was_mixed = math.inf, None, True
+        return self._lose_states(now)
 
     def on_jump(self, now: float) -> Actions:
         """Approach the reference from the pose to which a localisation moves the robot."""
@@ -587,6 +609,7 @@ class ControllerCore:
         elif not self._was_computed:
             self._stop.end()
             self._watch.restart()
+            self._watch.note_late(now)
             if pacing.is_timed:
                 approach.start()
             self._queue_record(RESUMED)
@@ -600,8 +623,12 @@ class ControllerCore:
         if approach.is_on:
             rates = controller.rates(velocity)
             reference = approach.follow(stamp, position, rates, reference)
-        if pacing.is_timed and controller.is_compensated:
-            controller.set_lateness(self._lateness.add(stamp, now))
+        if pacing.is_timed:
+            # A controller that was late itself processes the states in its queue one by one.
+            lateness = self._lateness.add(stamp, now)
+            self._watch.note_age(lateness, now)
+            if controller.is_compensated:
+                controller.set_lateness(lateness)
         try:
             status = controller.answer(position, velocity, reference)
             if status & NOT_FINITE:
@@ -617,13 +644,14 @@ class ControllerCore:
             self._fail(LAW, ' '.join(str(error).split()), is_latched=True)
             return None
         if pacing.is_timed and self._values['runaway_detection']:
-            reason = self._watch.look(controller.rates(velocity))
-            if reason:
-                self._fail(RUNAWAY, reason, is_latched=True)
+            alarm = self._watch.look(controller.rates(velocity), now)
+            if alarm is not None:
+                cause = STATES if alarm.is_passing else RUNAWAY
+                self._fail(cause, alarm.reason, is_latched=not alarm.is_passing)
         is_singular = status & SINGULAR != 0
         if is_singular != self._was_singular:
             self._was_singular = is_singular
-            self._log_singularity(stamp, is_singular=is_singular)
+            self._log_singularity(stamp, position, is_singular=is_singular)
         # The error that has ended the run, if any.
         return self._error
 
@@ -633,7 +661,7 @@ class ControllerCore:
         skipped = round((stamp - self._computed) / self._period_ns) - 1
         if skipped > 0:
             self.controller.skip(skipped)
-            self._watch.skip(skipped)
+            self._watch.skip(skipped, now)
             self.counts.skipped += skipped
         line = self._layer.check(max(skipped, 0) + 1, position, now)
         if line is not None:
@@ -716,6 +744,7 @@ class ControllerCore:
         return not self._is_confused and (self._has_plant or not self.pacing.is_timed)
 
     def _recover_states(self) -> None:
+        self._was_mixed = False
         if self.supervisor.recover(STATES, is_restart=False):
             self._publish_state()
 
@@ -736,6 +765,7 @@ class ControllerCore:
             if self._throttle.is_due('gap', now):
                 text = 'states were missing for longer than state_timeout; the controller restarts'
                 self._more.append(Line('warning', text))
+        self._watch.note_late(now)
         self._lateness.restart()
         if not self._stop.commands:
             # The robot does not apply the last command any more.
@@ -795,15 +825,19 @@ class ControllerCore:
             sample, reason = unreachable
             raise InputError(f'reference: sample {sample} cannot be reached: {reason}')
 
-    def _log_singularity(self, stamp: int, *, is_singular: bool) -> None:
-        mechanism = self.controller.mechanism
-        at = f'at t = {stamp * 1e-9:.3f} s {mechanism.lost}'
+    def _log_singularity(self, stamp: int, position: Array, *, is_singular: bool) -> None:
+        mechanism, at = self.controller.mechanism, f'at t = {stamp * 1e-9:.3f} s'
+        if not is_singular:
+            text = f'{at} {mechanism.lost} has left the singularity or the end of a range'
+            self._more.append(Line('info', text))
+            return
+        at_end = mechanism.at_range_ends(position[None, -len(mechanism.joints):])[0]
         self._more.append(
             Line(
                 'warning',
-                f'{at} is close to singular ({mechanism.singular}); motion along the lost '
-                'direction is damped',
+                f'{at} {mechanism.range_ends_text(at_end)}; motion for the task stops there'
+                if at_end.any()
+                else f'{at} {mechanism.lost} is close to singular ({mechanism.singular}); motion'
+                ' along the lost direction is damped',
             )
-            if is_singular
-            else Line('info', f'{at} has left the singularity')
         )

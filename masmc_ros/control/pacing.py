@@ -8,8 +8,8 @@ from __future__ import annotations
 import math
 from typing import Protocol
 
-from masmc_ros.control.stamp_order import Order, state_timeout
 from masmc_ros.errors import UserError
+from masmc_ros.messages.stamp_order import Order, state_timeout
 from masmc_ros.params.declaration import Values
 
 

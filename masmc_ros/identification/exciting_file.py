@@ -18,9 +18,11 @@ from masmc_ros.identification.excitation import (
     positions_of,
 )
 from masmc_ros.identification.nominal import nominal_of, of_its_kind
-from masmc_ros.identification.parameter_file import EVERY, write_parameters
+from masmc_ros.identification.parameter_file import write_parameters
+from masmc_ros.messages.topics import PARAMETER_NODES
 from masmc_ros.params.declaration import MutableValues, Values
-from masmc_ros.params.node_parameters import declared, NODES, shared
+from masmc_ros.params.file import EVERY
+from masmc_ros.params.node_parameters import declared, shared
 from masmc_ros.robot.declaration import Quantity
 from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.robot.robot import robot_of
@@ -37,9 +39,6 @@ _FINE = 100
 
 _LAW = 'computed_torque'
 """Law of the motion, which tolerates an unknown latency."""
-
-_UNUSED = ('recorder', 'live')
-"""Nodes whose parameters are not in the file."""
 
 
 class Excitation(NamedTuple):
@@ -103,9 +102,7 @@ def write_exciting(
     first = np.array(robot.start(plant['initial_pose'], plant['initial_joints']))
     positions = positions_of(robot, first, angles)[::_FINE]
     points = _unwound(robot.task_positions(positions), robot.mechanism.axes)
-    nodes = {
-        node: _kept(node, scenario[node], task) for node in NODES if node not in _UNUSED
-    }
+    nodes = {node: _kept(node, scenario[node], task) for node in PARAMETER_NODES}
     nodes['trajectory'] |= {
         'type': 'waypoints',
         'waypoints.times': tuple(times.round(_DIGITS).tolist()),

@@ -14,13 +14,10 @@ from masmc_ros.identification.nominal import consistent_values
 from masmc_ros.law.parts.delay_fields import LONGEST
 from masmc_ros.output_files import write_file
 from masmc_ros.params.declaration import Values
+from masmc_ros.params.file import parameter_file_text
 from masmc_ros.params.node_parameters import declared
-from masmc_ros.params.text import yaml_text
 from masmc_ros.robot.declaration import URDF
 from masmc_ros.robot.mechanisms import mechanism_from
-
-EVERY = '/**'
-"""Place of the values for all nodes."""
 
 
 def write_identified(
@@ -102,8 +99,4 @@ def write_parameters(
         Lines of comments at the start of the file.
 
     """
-    lines = [f'# {comment}' for comment in comments]
-    for node, values in nodes.items():
-        lines += [f'{EVERY}:' if node == EVERY else f'{EVERY}/{node}:', '  ros__parameters:']
-        lines += [f'    {name}: {yaml_text(value)}' for name, value in values.items()]
-    write_file(path, ('\n'.join(lines) + '\n').encode())
+    write_file(path, parameter_file_text(nodes, comments).encode())

@@ -27,7 +27,6 @@ import os
 from pathlib import Path
 import sys
 from threading import local
-from types import FunctionType
 from typing import Any, cast
 
 from masmc_ros.aliases import AnyFunction, Function
@@ -37,7 +36,7 @@ from masmc_ros.jit.compiler_errors import COMPILER_ERRORS, explained
 from masmc_ros.jit.inlined_code import InlinedCompiler
 from masmc_ros.jit.sized_records import has_sized_records, type_of
 from masmc_ros.jit.sources import digest, files_of_types, remember
-from masmc_ros.jit.supported_numba import FIRST_UNSUPPORTED, OLDEST
+from masmc_ros.jit.supported_numba import FIRST_UNSUPPORTED, OLDEST, version_numbers
 from masmc_ros.user_folder import runtime_folder
 from numba import __version__ as numba_version
 from numba import config, njit
@@ -45,15 +44,12 @@ from numba.core import event
 from numba.core.codegen import ll
 from numba.core.types import WrapperAddressProtocol
 from numba.core.typing import Signature
+import numpy as np
 
 _settings: Any = config  # its attributes are made when it is imported
 
 
-def _version(text: str) -> tuple[int, ...]:
-    return tuple(int(part) for part in text.split('.')[:2])
-
-
-if _version(numba_version) < _version(OLDEST):
+if version_numbers(numba_version) < version_numbers(OLDEST):
     raise UserError(
         f'numba {numba_version} is too old: expected {OLDEST} or later;'
         ' pip install --upgrade numba'
@@ -85,11 +81,7 @@ event.register('numba:compile', _RareCollections())
 
 
 class Formula:
-    """
-    Formula with a wrapper for calls from Python that is compiled on demand.
-
-    Compiling the wrapper takes longer than compiling most formulas, and Python calls only few.
-    """
+    """Formula that compiled functions inline; a call from Python computes it in plain Python."""
 
     def __init__(self, function: Function) -> None:
         """Initialise the formula of a function in plain Python."""
@@ -113,19 +105,21 @@ class Formula:
         """Function that compiled code uses in place of this object."""
         return self._compiled._numba_type_
 
-    @cached_property
-    def _of_python(self) -> Function:
-        own = cast(FunctionType, self.py_func)
-        # By another name, because Numba keeps machine code on disk by names.
-        twin = FunctionType(
-            own.__code__, own.__globals__, own.__name__, own.__defaults__, own.__closure__
-        )
-        twin.__module__, twin.__qualname__ = own.__module__, f'{own.__qualname__}_of_python'
-        return cast(Function, _compile(twin, forceinline=True))
-
     def __call__(self, *arguments: object) -> Any:
-        """Call it from Python."""
-        return (self.py_func if _is_interpreting() else self._of_python)(*arguments)
+        """Call it from Python, with the same bits; compiling it would take longer."""
+        try:
+            return self.py_func(*arguments)
+        except ZeroDivisionError:
+            with np.errstate(all='ignore'):
+                return self.py_func(*_with_ieee_division(arguments))
+
+
+def _with_ieee_division(value: Any) -> Any:
+    """Return numbers in nested tuples as those of NumPy, which divide by zero as compiled code."""
+    if isinstance(value, tuple):
+        numbers = map(_with_ieee_division, value)
+        return value._make(numbers) if hasattr(value, '_make') else tuple(numbers)
+    return np.float64(value) if isinstance(value, float) else value
 
 
 class Kernel(Formula):
@@ -134,14 +128,16 @@ class Kernel(Formula):
     def __init__(self, function: Function, compiled: Function) -> None:
         """Initialise the kernel of a function in plain Python."""
         super().__init__(function)
-        self.__dict__['_compiled'] = self.__dict__['_of_python'] = compiled
+        self.__dict__['_compiled'] = compiled
 
     def __call__(self, *arguments: object) -> Any:
         """Call it from Python; raise InputError with one line if it cannot be compiled."""
-        if has_sized_records(arguments) and not _is_interpreting():
+        if _is_interpreting():
+            return self.py_func(*arguments)
+        if has_sized_records(arguments):
             return bound(self, *arguments)(*arguments)
         try:
-            return super().__call__(*arguments)
+            return self._compiled(*arguments)
         except COMPILER_ERRORS as error:
             raise explained(error) from error
 
@@ -309,7 +305,7 @@ def _code_key(kernel: Function, arguments: tuple[object, ...]) -> Key:
 
 def _compile(function: Function, **options: Any) -> Any:
     # IEEE division (error_model) instead of a branch that raises ZeroDivisionError.
-    previous, _settings.CACHE_DIR = _settings.CACHE_DIR, str(_cache_directory())
+    previous, _settings.CACHE_DIR = _settings.CACHE_DIR, str(code_directory())
     try:
         # No caller uses C's conventions, and a wrapper for them takes long to compile.
         options = {'error_model': 'numpy', 'cache': True, 'no_cfunc_wrapper': True, **options}
@@ -360,19 +356,23 @@ def machine_code(name: str, sources: Iterable[str], *contents: str) -> Path:
     # Numba distinguishes machines by the same values of llvmlite.
     machine = f'{ll.get_host_cpu_name()} {ll.get_host_cpu_features().flatten()}'
     kind = hashlib.sha256(f'{machine} {sys.version_info} {digest(sources)} {contents}'.encode())
-    return _cache_directory() / f'{name}-{kind.hexdigest()[:12]}'
+    return code_directory() / f'{name}-{kind.hexdigest()[:12]}'
+
+
+def _user_cache() -> Path:
+    """Return the folder for caches of this package; RuntimeError if the user has no home."""
+    return Path(os.environ.get('XDG_CACHE_HOME') or Path.home() / '.cache') / 'masmc_ros'
 
 
 @cache
-def _cache_directory() -> Path:
+def code_directory() -> Path:
     """Return the directory of compiled code."""
-    root = Path(os.environ.get('XDG_CACHE_HOME') or Path.home() / '.cache')
     # The temporary folder is shared: code from another user must not be executed.
-    for parent in (lambda: root / 'masmc_ros', runtime_folder):
+    for parent in (_user_cache, runtime_folder):
         try:
             directory = parent() / 'code'
             directory.mkdir(parents=True, exist_ok=True)
-        except (OSError, UserError):
+        except (OSError, RuntimeError, UserError):
             continue
         if os.access(directory, os.W_OK):
             return directory

@@ -8,3 +8,8 @@ Supported versions of Numba; `setup.py` reads them here, before anything is inst
 """
 
 OLDEST, FIRST_UNSUPPORTED = '0.58', '0.69'
+
+
+def version_numbers(text: str) -> tuple[int, ...]:
+    """Return the first two numbers of a version, which compare as versions do."""
+    return tuple(int(part) for part in text.split('.')[:2])

@@ -141,7 +141,9 @@ def part_names(folder: Path) -> list[str]:
                 f'{path}: is not the metadata of a recording; it takes'
                 ' rosbag2_bagfile_information with relative_file_paths'
             ) from e
-    names = sorted((path.name for path in folder.glob('*.mcap')), key=_number)
+    # rosbag2 compresses whole files with this suffix.
+    files = (*folder.glob('*.mcap'), *folder.glob('*.mcap.zstd'))
+    names = sorted((path.name for path in files), key=_number)
     if not names:
         raise InputError(f'{folder}: has no .mcap file; name the folder of a recording')
     return names
@@ -149,7 +151,7 @@ def part_names(folder: Path) -> list[str]:
 
 def _number(name: str) -> tuple[str, int]:
     """Return a key that sorts `run_10.mcap` after `run_9.mcap`."""
-    stem, _, number = name.removesuffix('.mcap').rpartition('_')
+    stem, _, number = name.removesuffix('.zstd').removesuffix('.mcap').rpartition('_')
     return (stem, int(number)) if number.isdecimal() else (name, 0)
 
 

@@ -46,7 +46,3 @@ class Qos:
             f'  liveliness_lease_duration:\n    {_INFINITE}\n'
             '  avoid_ros_namespace_conventions: false'
         )
-
-
-LATCHED = Qos(depth=1, durability='transient_local')
-"""Quality of service of a message that is published once and kept for late subscribers."""

@@ -5,7 +5,8 @@
 Desired and actual path of the robot's first point, for viewers.
 
 Live nodes and computed logs use the same functions, so their messages are bitwise identical. The
-paths lie at the height of the point's frame. A robot whose task is not a position has no paths.
+paths have the height of the point if the task contains it, otherwise that of the point's frame.
+A robot whose task is not a position has no paths.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from collections import deque
 
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.path import path_message
+from masmc_ros.reference.sampled_trajectory import SampledTrajectory
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.robot.declaration import ODOM_FRAME
 from masmc_ros.robot.robot import Robot
@@ -58,7 +60,7 @@ class _TracedPath:
         """
         self._timing, self._robot = timing, robot
         self._height = robot.height
-        # Axes of the task that are x and y of the first point that is a position.
+        # Axes of the task that are x and y, or x, y and z, of the first point that is a position.
         self._axes = next((point.axes for point in robot.mechanism.places), None)
         self._frame = frame_prefix + ODOM_FRAME
         self._stride, self._sent_stride = (
@@ -66,11 +68,17 @@ class _TracedPath:
         )
         self._poses: deque[_Pose] = deque(maxlen=MOST_POSES)
 
-    def _add(self, stamp_ns: int, x: float, y: float) -> None:
+    def _positions(self, task: NDArray[np.float64], axes: slice) -> NDArray[np.float64]:
+        """Return the positions (n, 3) of the point in m from task coordinates (n, ...)."""
+        positions = np.full((len(task), 3), self._height)
+        positions[:, :axes.stop - axes.start] = task[:, axes]
+        return positions
+
+    def _add(self, stamp_ns: int, x: float, y: float, z: float) -> None:
         """Add a pose; after a reset of time it replaces later ones."""
         while self._poses and self._poses[-1][0] >= stamp_ns:
             self._poses.pop()
-        self._poses.append((stamp_ns, x, y, self._height))
+        self._poses.append((stamp_ns, x, y, z))
 
     def _message(self, stamp_ns: int) -> bytes:
         stamps = np.array([pose[0] for pose in self._poses], dtype=np.int64)
@@ -81,7 +89,9 @@ class _TracedPath:
 class DesiredPath(_TracedPath):
     """Path of the point by the trajectory."""
 
-    def whole(self, trajectory: Trajectory, origin_ns: int = 0) -> bytes | None:
+    def whole(
+        self, trajectory: Trajectory | SampledTrajectory, origin_ns: int = 0
+    ) -> bytes | None:
         """
         Return the whole path as a message; None for an endless one, or without a position task.
 
@@ -96,8 +106,7 @@ class DesiredPath(_TracedPath):
         if self._timing.last is None or self._axes is None:
             return None
         ticks = thinned(self._timing.last)
-        points = np.full((len(ticks), 3), self._height)
-        points[:, :2] = trajectory.positions(ticks)[:, self._axes]
+        points = self._positions(trajectory.positions(ticks), self._axes)
         stamps = origin_ns + np.array([self._timing.stamp(tick) for tick in ticks.tolist()])
         return path_message(self._frame, int(stamps[0]), stamps, points)
 
@@ -117,9 +126,9 @@ class DesiredPath(_TracedPath):
         """
         if self._axes is None:
             return None
-        for tick in range(0, len(samples), self._stride):
-            x, y = samples[tick, self._axes].tolist()
-            self._add(starts_ns + self._timing.stamp(tick), x, y)
+        points = self._positions(samples[::self._stride], self._axes).tolist()
+        for number, point in enumerate(points):
+            self._add(starts_ns + self._timing.stamp(number * self._stride), *point)
         return self._message(stamp_ns)
 
 
@@ -147,8 +156,10 @@ class ActualPath(_TracedPath):
             The path as a message with the tick's stamp, if one is due.
 
         """
+        assert self._axes is not None  # see `takes`
         stamp = self._timing.stamp(tick)
-        self._add(stamp, *self._robot.task_positions(position[None])[0, self._axes].tolist())
+        task = self._robot.task_positions(position[None])
+        self._add(stamp, *self._positions(task, self._axes)[0].tolist())
         return self._message(stamp) if self._is_sent(tick) else None
 
     def _is_sent(self, tick: int) -> bool:

@@ -6,7 +6,7 @@ Simulation of many runs of one law at once, one run in each lane.
 
 Each run is bitwise identical to the same run alone. Lanes may differ in numbers: gains, robots,
 disturbances, initial states, noise and delays. Law, switching term, type of robot, period,
-integration steps and trajectory are equal in all lanes, because the loop is compiled for these.
+integration steps and path are equal in all lanes, because the loop is compiled for these.
 """
 
 from __future__ import annotations
@@ -43,9 +43,9 @@ from masmc_ros.loop.simulated_robot import (
 )
 from masmc_ros.loop.timing import Timing
 from masmc_ros.params.declaration import MutableValues, Parameter, Values
-from masmc_ros.reference.trajectory import Trajectory
+from masmc_ros.reference.trajectory import path_values, Trajectory
 from masmc_ros.robot.declaration import Mechanism
-from masmc_ros.robot.robot import Robot, robot_of
+from masmc_ros.robot.robot import robot_of
 import numpy as np
 from numpy.typing import NDArray
 
@@ -59,7 +59,7 @@ _OF_ALL = {
     'plant': ('control_period', 'duration', 'integrator_step', 'command_interface', 'physics'),
     'controller': ('law', 'switching', 'command_interface'),
 }
-"""Parameters that must be equal in all lanes, by node; so must those of the trajectory."""
+"""Parameters that must be equal in all lanes, by node; so must those of the path."""
 
 
 class BatchSimulation:
@@ -96,7 +96,13 @@ class BatchSimulation:
         self.timing = Timing.from_values(first['plant'])
         if self.timing.last is None:
             raise InputError('duration = 0.0: expected a length > 0 s')
-        self._trajectory = _shared_trajectory(first['trajectory'], self.timing.period, robot)
+        self._trajectory = _shared_trajectory(first['trajectory'], self.timing.period)
+        # Robots of other lengths have another reach.
+        self._lengths = {robot_of(first['trajectory']).geometry.tobytes()} | {
+            robot_of(run['trajectory']).geometry.tobytes()
+            for run in runs[1:]
+            if run['trajectory'] != first['trajectory']
+        }
         compensated = records.is_compensated(control)
         settings, read = _law_settings(
             mechanism, law, control['switching'], lanes, is_hybrid(control), compensated
@@ -120,7 +126,7 @@ class BatchSimulation:
         self._delayed = delay_line(self._plant, mechanism)
         self._shortcut = self._with_shortcut(law, control)
 
-    def _with_shortcut(self, law: Law, control: Values) -> records.Records | None:
+    def _with_shortcut(self, law: Law, control: Values) -> Records | None:
         """Return the settings with the shortcut of the reaching term; None without use for it."""
         name = shortcut_of(control['switching']) if law.uses_switching else ''
         if is_hybrid(control) or records.is_compensated(control):
@@ -237,6 +243,8 @@ class BatchSimulation:
     ]:
         """Return the arguments of a kernel for ticks `first` to `first + count - 1`."""
         assert self.timing.last is not None
+        for lengths in self._lengths:
+            _check_reach(self._trajectory, lengths, first, count)
         return (
             plant_step_of(self._plant, self._state, self._delayed, self._now),
             self._plant,
@@ -259,13 +267,20 @@ class BatchSimulation:
 
 _trajectories: dict[object, Trajectory] = {}
 
-_samples = lru_cache(maxsize=64)(Trajectory.sample)
+_samples = lru_cache(maxsize=64)(Trajectory.unchecked)
 """Samples of blocks, which all batches of a campaign share: 0.2 MB for each block."""
 
 
-def _shared_trajectory(values: Values, period: float, robot: Robot) -> Trajectory:
-    """Return a trajectory, the same object for equal values and lengths of the robot."""
-    key = (*values.items(), period, robot.mechanism, robot.geometry.tobytes())
+@lru_cache(maxsize=64)
+def _check_reach(trajectory: Trajectory, lengths: bytes, first: int, count: int) -> None:
+    """Raise InputError if a robot of some lengths cannot reach the samples of a block."""
+    trajectory.check_reach(np.frombuffer(lengths), first, _samples(trajectory, first, count))
+
+
+def _shared_trajectory(values: Values, period: float) -> Trajectory:
+    """Return a trajectory, the same object for equal paths of one type of robot."""
+    robot = robot_of(values)
+    key = (*path_values(values).items(), period, robot.mechanism)
     known = _trajectories.get(key)
     if known is None:
         if len(_trajectories) > 3:
@@ -277,7 +292,7 @@ def _shared_trajectory(values: Values, period: float, robot: Robot) -> Trajector
 @lru_cache(maxsize=16)
 def _law_settings(
     mechanism: Mechanism, law: Law, switching: str, lanes: int, hybrid: bool, compensated: bool
-) -> tuple[records.Records, tuple[tuple[Parameter, str], ...]]:
+) -> tuple[Records, tuple[tuple[Parameter, str], ...]]:
     """Return empty settings of a checked law, and the parameters to write into them."""
     check(law, mechanism, switching)
     settings = records.law_settings(
@@ -288,7 +303,7 @@ def _law_settings(
 
 def of_all_lanes(run: Mapping[str, Values]) -> MutableValues:
     """Return the values of a run that are equal in all lanes, by NODE.parameter or property."""
-    names = {**_OF_ALL, 'trajectory': tuple(run['trajectory'])}
+    names = {**_OF_ALL, 'trajectory': tuple(path_values(run['trajectory']))}
     values = {f'{node}.{name}': run[node][name] for node in names for name in names[node]}
     return values | {'compensation of latency': records.is_compensated(run['controller'])}
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from masmc_ros.aliases import Array
+from masmc_ros.aliases import Array, Records
 from masmc_ros.errors import InputError
 from masmc_ros.jit.compiled import bound
 from masmc_ros.jit.record import fill, take_over
@@ -339,7 +339,7 @@ class Controller:
         self.nominal = nominal
         fill(self.settings, 'nominal', nominal)
 
-    def _new_memory(self) -> records.Records:
+    def _new_memory(self) -> Records:
         return records.law_memory(self.mechanism, self._law, compensated=self.is_compensated)
 
     def _apply(self, values: Values) -> None:

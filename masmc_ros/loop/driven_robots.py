@@ -94,6 +94,10 @@ class DrivenRobots:
         self._new = _copy(self._state)
         self._bound: dict[Function, Function] = {}
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the attributes without bound kernels, which are bound again."""
+        return {**self.__dict__, '_bound': {}}
+
     @property
     def _state(self) -> State:
         """Return the arrays that a tick changes; lanes are their last axis."""

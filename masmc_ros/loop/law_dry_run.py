@@ -28,7 +28,7 @@ from masmc_ros.law.law import Law
 from masmc_ros.law.registry import parameters, REACHING
 from masmc_ros.law.tick import tick_of
 from masmc_ros.loop import records
-from masmc_ros.mistakes import one_line
+from masmc_ros.mistakes import place_and_text
 from masmc_ros.robot import mechanism as formulas
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.robot import Robot
@@ -78,7 +78,7 @@ def run_dry(law: Law, mechanism: Mechanism, switching: str) -> None:
             _run(law, mechanism, switching)
     except Exception as error:  # of formulas with any mistake
         start = f'{codes[0].co_filename}:{codes[0].co_firstlineno}'
-        raise InputError(f'law = {law.name}: {one_line(error, files, start)}') from error
+        raise InputError(f'law = {law.name}: {place_and_text(error, files, start)}') from error
 
 
 def _robot(mechanism: Mechanism) -> Robot:

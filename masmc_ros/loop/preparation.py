@@ -26,6 +26,7 @@ import time
 from typing import NamedTuple
 
 from masmc_ros.aliases import AnyArray, Function
+from masmc_ros.child_process import module_command
 from masmc_ros.errors import UserError
 from masmc_ros.jit.compiled import (
     bound,
@@ -67,6 +68,9 @@ CHOOSES_CODE = (*_NAMES, *ENABLING)
 
 _NICENESS = 5
 """Nice value of compiling processes; nodes have 0, because they must not be late."""
+
+_STARVED = 5.0
+"""Longest time in s for which a requested compilation may wait for an idle processor."""
 
 _LONGEST_REASON = 200
 """Largest number of logged characters of the cause of an error."""
@@ -410,7 +414,7 @@ class LawChange:
             # The constructor of a plug-in law may raise anything, before any value has changed.
             if self._controller.values is not old:
                 raise
-            return self._failed(_one_line(error))
+            return self._failed(_reason(error))
         self._wanted = {}
         return Effect(values)
 
@@ -477,7 +481,7 @@ class _Making(Thread):
             if self.failure is None and not self._is_stopped:
                 self.code.load()
         except Exception as error:
-            self.failure = _one_line(error)
+            self.failure = _reason(error)
         self.duration = time.monotonic() - start
 
     def stop(self) -> None:
@@ -489,29 +493,52 @@ class _Making(Thread):
 
     def _compile(self) -> str | None:
         """Wait for the compiling process; return the reason of a failure, None after success."""
-        with self._lock:
-            if self._is_stopped:
-                return 'stopped'
-            self._process = _started(
-                self._mechanism, self._values, is_awaited=self._is_awaited
-            )
-        process = self._process
-        assert process.stdin is not None
-        assert process.stdout is not None
-        try:
-            said = process.stdout.read().decode(errors='replace').strip()
-        finally:
-            process.kill()
-            status = process.wait()
-            process.stdout.close()
-            process.stdin.close()
+        said = self._said(is_urgent=self._is_awaited)
+        if said is None and not self._is_stopped:
+            # No processor was idle. As one more ordinary process, it ends in any case.
+            said = self._said(is_urgent=True)
+        if said is None:
+            return 'stopped'
         if said:
             return said
         if not self.code.is_whole_on_disk:
+            status = self._process.returncode if self._process else None
             if status == 0:
                 return 'the compiled code cannot be stored (XDG_CACHE_HOME)'
             return f'the process that compiles has ended with status {status}'
         return None
+
+    def _said(self, *, is_urgent: bool) -> str | None:
+        """Let a process compile; return its output, None if it is stopped or gets no processor."""
+        with self._lock:
+            if self._is_stopped:
+                return None
+            process = self._process = _started(
+                self._mechanism, self._values, is_awaited=is_urgent
+            )
+        assert process.stdin is not None
+        assert process.stdout is not None
+        try:
+            while True:
+                with suppress(subprocess.TimeoutExpired):
+                    process.wait(1.0)
+                    return process.stdout.read().decode(errors='replace').strip()
+                if not is_urgent and _is_starved(process.pid):
+                    return None
+        finally:
+            process.kill()
+            process.wait()
+            process.stdout.close()
+            process.stdin.close()
+
+
+def _is_starved(pid: int) -> bool:
+    """Return True if a process has waited for a processor, and has had it for a tenth of that."""
+    try:
+        ran, waited = Path(f'/proc/{pid}/schedstat').read_text(encoding='ascii').split()[:2]
+    except (OSError, ValueError):
+        return False  # a system without these figures
+    return int(waited) > max(10 * int(ran), _STARVED * 1e9)
 
 
 def _text(values: Values) -> str:
@@ -520,7 +547,7 @@ def _text(values: Values) -> str:
     return ', '.join(f'{name} = {yaml_text(values[name])}' for name in names)
 
 
-def _one_line(error: BaseException) -> str:
+def _reason(error: BaseException) -> str:
     """Return an error in one line."""
     if isinstance(error, UserError):
         return str(error)
@@ -537,7 +564,7 @@ def _started(
     `is_awaited` is True if no tick is computed meanwhile; otherwise only idle processors compile.
     """
     process = subprocess.Popen(
-        [sys.executable, '-m', __name__],
+        module_command(__name__),
         stdin=subprocess.PIPE,
         stdout=subprocess.DEVNULL if values is None else subprocess.PIPE,
         stderr=subprocess.DEVNULL,
@@ -588,7 +615,7 @@ def main() -> None:
                     check(law, mechanism, values['switching'])
                 code.load()
     except Exception as error:
-        print(_one_line(error))
+        print(_reason(error))
         sys.exit(1)
 
 
@@ -620,7 +647,9 @@ def _is_first(file: int) -> bool:
 
 
 def _end_with_parent() -> None:
-    sys.stdin.buffer.read()
+    # Not by sys.stdin: Python aborts if it ends while a thread reads from a buffered stream.
+    while os.read(sys.stdin.fileno(), 1024):
+        pass
     os._exit(0)
 
 

@@ -12,6 +12,7 @@ import inspect
 import math
 from pathlib import Path
 
+from masmc_ros.aliases import Records
 from masmc_ros.errors import InputError
 from masmc_ros.jit.field import Field, field_of
 from masmc_ros.jit.record import AT_RUN_TIME, fill, new_record
@@ -30,7 +31,6 @@ from masmc_ros.robot.robot import Robot
 import numpy as np
 from numpy.typing import NDArray
 
-Records = NDArray[np.void]
 
 def law_settings(
     mechanism: Mechanism,

@@ -12,12 +12,19 @@ Three independent rules; none had a false alarm in 56 ordinary runs of three rob
   the norm of the error grows by more than 20 % and 0.01;
 * speed: a joint is faster than 1.2 times its speed limit.
 
-The first two rules need continuous control: they restart after 0.1 s without a tick.
+The first two rules need continuous control: they restart after 0.1 s without a tick. On a machine
+that is late again and again, the robot leaves its path though the loop is stable. An alarm of
+these rules within 1 s after late states therefore passes, unless it is the third one in 10 s.
+The law then continues when states have been on time for 0.5 s: at once, the same burst of late
+states would raise the next alarm.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Sequence
+import math
+from typing import NamedTuple
 
 from masmc_ros.aliases import Array, Integers
 from masmc_ros.jit.compiled import kernel
@@ -42,6 +49,27 @@ _FEWEST_REVERSALS = 4
 _GROWTH_TIME = 0.2
 _GROWTH, _GROWTH_MARGIN = 1.2, 0.01
 _SPEED_MARGIN = 1.2
+
+_LATE = 0.02
+"""Time in s by which a machine is late: a torque is held longer, or a state is older."""
+
+_AFTER_LATE = 1.0
+"""Time in s after late states within which their effect on the error ends."""
+
+_PASSING, _TOGETHER = 2, 10.0
+"""Largest number of alarms that pass, and the time in s after which they are forgotten."""
+
+
+_REST = 0.5
+"""Time in s without late states after which the law continues."""
+
+
+class Alarm(NamedTuple):
+    """Detected run-away."""
+
+    reason: str
+    is_passing: bool
+    """True if late states may be the cause, so that control may continue."""
 
 
 @kernel
@@ -132,10 +160,12 @@ class RunawayWatch:
         self._norms = np.zeros(window)
         self._limit = np.zeros(joints)
         self._tick = 0
+        self._late_at = self._continues_at = -math.inf
+        self._passed: deque[float] = deque(maxlen=_PASSING)
         self._kernel: Callable[..., int] | None = None
         self.restart()
         # This call compiles or loads the kernel, which would delay the first tick.
-        self.look(np.zeros(joints))
+        self.look(np.zeros(joints), 0.0)
         self.restart()
 
     def restart(self) -> None:
@@ -147,23 +177,42 @@ class RunawayWatch:
             array[:] = 0
         self._tick = 0
 
-    def skip(self, periods: int) -> None:
+    def skip(self, periods: int, now: float) -> None:
         """
-        Clear the windows if the last torque was held for too many periods.
+        Account for periods in which the last torque was held, at the time `now` in s.
 
-        The robot moved without control in these periods.
+        The robot moved without control in these periods. After too many the windows are cleared.
         """
         if periods >= self._short:
             self.restart()
+        if periods * self._controller.period >= _LATE:
+            self.note_late(now)
 
-    def look(self, rates: NDArray[np.float64]) -> str:
+    def note_age(self, lateness: float, now: float) -> None:
+        """Note by how many seconds a state is older than the mean, at the time `now` in s."""
+        if lateness >= _LATE:
+            self.note_late(now)
+
+    def note_late(self, now: float) -> None:
+        """Note that states were late or missing until the time `now` in s."""
+        self._late_at = now
+        if not self.may_continue(now):
+            self._continues_at = now + _REST
+
+    def may_continue(self, now: float) -> bool:
+        """Return False soon after an alarm that passes, at the time `now` in s."""
+        return now >= self._continues_at
+
+    def look(self, rates: NDArray[np.float64], now: float) -> Alarm | None:
         """
-        Return the reason of an alarm after a computed tick; empty without one.
+        Return an alarm after a computed tick; None without one.
 
         Parameters
         ----------
         rates
             Measured or estimated joint velocities (joints) of the tick.
+        now
+            Time in s.
 
         """
         controller = self._controller
@@ -183,7 +232,17 @@ class RunawayWatch:
             self._short,
         )
         self._tick += 1
-        return self._reason(alarm, rates) if alarm else ''
+        if not alarm:
+            return None
+        reason = self._reason(alarm, rates)
+        is_sudden = alarm % 100 != SPEED and now - self._late_at < _AFTER_LATE
+        # The older of the last two; there is none before the second alarm.
+        is_often = len(self._passed) == _PASSING and now - self._passed[0] < _TOGETHER
+        if not is_sudden or is_often:
+            return Alarm(reason, is_passing=False)
+        self._passed.append(now)
+        self._continues_at = now + _REST
+        return Alarm(f'{reason}; states were late', is_passing=True)
 
     def _reason(self, alarm: int, rates: NDArray[np.float64]) -> str:
         joint, rule = divmod(alarm, 100)

@@ -9,8 +9,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from decimal import Decimal
 from importlib import import_module
+import math
 from typing import Any
 
+from masmc_ros.aliases import Records
 from masmc_ros.errors import InputError
 from masmc_ros.jit.compiled import bound
 from masmc_ros.jit.record import fill
@@ -25,7 +27,7 @@ from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import plant_hold, plant_start, plant_tick
 from masmc_ros.loop.signals import OF_PLANT
 from masmc_ros.loop.timing import check_count, MOST_TICKS
-from masmc_ros.optional import explained
+from masmc_ros.optional import remedy
 from masmc_ros.params.declaration import Parameter, Values
 from masmc_ros.plant_model.drives import joint_inertias, lag_shares
 from masmc_ros.plant_model.elastic import LONGEST_STEP, natural_frequency
@@ -33,7 +35,7 @@ from masmc_ros.plant_model.stiction import bristle_gains
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.robot import Robot, robot_of
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 RIGID = 'rigid'
 """Physics without slip of the wheels."""
@@ -43,6 +45,9 @@ NO_STATE = (
     'expected finite numbers, and angles that have a sine'
 )
 """Error of a robot whose initial state is not finite."""
+
+PAYLOAD_MASS, PUSH = 'payload.mass', 'push.torque'
+"""Parameters that act on the running robot."""
 
 PHYSICS = {RIGID: (__name__, 'SimulatedRobot'),
            'mujoco': ('masmc_ros.physics.contact_robot', 'ContactRobot')}  # fmt: skip
@@ -85,11 +90,13 @@ def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
             minimum=0.0,
         ),
         Parameter(
-            'payload.mass',
+            PAYLOAD_MASS,
             0.0,
-            'Mass of a payload in the tip of the robot; 0: no payload',
+            'Mass of a payload in the tip of the robot; 0: no payload. A change after '
+            'payload.time acts at once; read-only with MuJoCo',
             unit='kg',
             minimum=0.0,
+            read_only=False,
         ),
         Parameter(
             'payload.time',
@@ -114,6 +121,23 @@ def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
         ),
         of_joints('disturbance.frequency', 'Frequency of the disturbance torque', 'rad/s'),
         of_joints('disturbance.phase', 'Phase of the disturbance torque at t = 0', 'rad'),
+        of_joints(
+            PUSH,
+            'Constant disturbance torque that starts when it is set, and returns to 0 after '
+            'push.duration; meanwhile a pushed joint has no other disturbance',
+            'N·m',
+            read_only=False,
+        ),
+        Parameter(
+            'push.duration',
+            0.3,
+            'Duration of a push, rounded to control periods',
+            unit='s',
+            minimum=0.0,
+            exclusive_minimum=True,
+            maximum=60.0,
+            read_only=False,
+        ),
         Parameter(
             'integrator_step',
             0.0005,
@@ -309,10 +333,8 @@ class SimulatedRobot:
         self.period = period
         self.robot, self.mechanism = robot, robot.mechanism
         self.settings = records.plant_settings(self.mechanism, has_effects=has_effects(values))
-        later = values['physics'] == RIGID and values['payload.mass'] > 0.0
-        self.pick_up = round(values['payload.time'] / period) if later else 0
-        loaded = {**values, 'payload.time': 0.0} if later else values
-        without = {**values, 'payload.mass': 0.0}
+        self.pick_up, loaded = self._payload_of(values)
+        without = {**values, PAYLOAD_MASS: 0.0}
         write_plant(self.settings, robot, period, without if self.pick_up else loaded)
         self._theta = robot.theta, _true_theta(robot, loaded)
         self.memory = records.plant_memory(self.mechanism)
@@ -353,6 +375,32 @@ class SimulatedRobot:
         if not plant_start(self.settings, self.memory, self.delayed, self.signals):
             raise InputError(NO_STATE)
 
+    def _payload_of(self, values: Values) -> tuple[int, Values]:
+        """Return the tick of the pick-up, and the values of the robot with its payload."""
+        if values['physics'] != RIGID or values[PAYLOAD_MASS] == 0.0:
+            return 0, values
+        return round(values['payload.time'] / self.period), {**values, 'payload.time': 0.0}
+
+    def check_change(self, values: Values) -> None:
+        """Raise InputError if the running robot cannot use checked values of `parameters`."""
+        if values['physics'] != RIGID and values[PAYLOAD_MASS] != self._values[PAYLOAD_MASS]:
+            raise InputError(
+                f'payload.mass = {values[PAYLOAD_MASS]:g}: read-only with physics = '
+                f'{values["physics"]}; expected {self._values[PAYLOAD_MASS]:g}, or a plant that '
+                'is started with this payload'
+            )
+        _true_theta(self.robot, self._payload_of(values)[1])
+
+    def change(self, values: Values) -> None:
+        """Use payload and push of checked values, which `check_change` accepts, from now on."""
+        if values['physics'] == RIGID:
+            self.pick_up, loaded = self._payload_of(values)
+            self._theta = self.robot.theta, _true_theta(self.robot, loaded)
+            # At the tick of the pick-up, `advance` adds the payload.
+            fill(self.settings, 'theta', self._theta[self.tick >= self.pick_up])
+        for name, wave in disturbance_waves(values).items():
+            fill(self.settings, name, wave)
+
     def compile(self) -> None:
         """Compile or load the kernels by two ticks without effect, and return to t = 0."""
         for command in (np.zeros(len(self.mechanism.joints)), None):
@@ -391,6 +439,22 @@ class SimulatedRobot:
             raise diverged(self.tick * self.period)
 
 
+def disturbance_waves(values: Values) -> dict[str, NDArray[np.float64]]:
+    """
+    Return amplitude, frequency and phase (joints) of the disturbance, with an active push.
+
+    The torque is amplitude sin(frequency t + phase); that of a pushed joint is constant.
+    """
+    push = np.array(values[PUSH])
+    constants: dict[str, ArrayLike] = {
+        'amplitude': push, 'frequency': 0.0, 'phase': 0.5 * math.pi
+    }
+    return {
+        name: np.where(push != 0.0, constant, values[f'disturbance.{name}'])
+        for name, constant in constants.items()
+    }
+
+
 def plant_of(values: Values, period: float) -> SimulatedRobot:
     """
     Return the simulated robot of a plant's checked values, in its initial state.
@@ -402,13 +466,13 @@ def plant_of(values: Values, period: float) -> SimulatedRobot:
     try:
         kind = getattr(import_module(module), name)
     except ModuleNotFoundError as missing:
-        raise explained(missing) from missing
+        raise remedy(missing) from missing
     robot: SimulatedRobot = kind(robot_of(values), period, values)
     return robot
 
 
 def write_plant(
-    settings: records.Records,
+    settings: Records,
     robot: Robot,
     period: float,
     values: Values,
@@ -417,6 +481,11 @@ def write_plant(
     """Write a robot, the control period in s and checked values of `parameters` into a record."""
     delay, delay_span = _ticks_of_delay(values, 'measurement_delay', period)
     command_delay, command_delay_span = _ticks_of_delay(values, 'command_delay', period)
+    if any(values[PUSH]):
+        raise InputError(
+            f'plant.push.torque = {list(values[PUSH])}: expected 0 at the start; set it while the '
+            'plant runs'
+        )
     lacks_velocity = not values['measures_velocity']
     stiffness = values['joint_stiffness']
     imperfect = (
@@ -542,7 +611,7 @@ def _ticks_of_delay(values: Values, name: str, period: float) -> tuple[int, int]
 
 
 def write_start(
-    memory: records.Records, robot: Robot, values: Values, lane: int | None = None
+    memory: Records, robot: Robot, values: Values, lane: int | None = None
 ) -> None:
     """Write the initial state for checked values of `parameters` into a record."""
     position = robot.start(values['initial_pose'], values['initial_joints'])
@@ -559,7 +628,7 @@ def write_start(
     fill(memory, 'acting', 0, lane)
 
 
-def delay_line(settings: records.Records, mechanism: Mechanism) -> NDArray[np.float64]:
+def delay_line(settings: Records, mechanism: Mechanism) -> NDArray[np.float64]:
     """Return a buffer for delayed values: (delay + 2, measurements and commands, lanes)."""
     longest = max(int(settings[name].max()) for name in ('delay', 'command_delay'))
     width = 2 * mechanism.sizes['positions'] + 2 * mechanism.sizes['joints']

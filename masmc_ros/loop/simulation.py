@@ -30,6 +30,7 @@ from masmc_ros.loop.tick_block import Change, TickBlock
 from masmc_ros.loop.timing import Timing
 from masmc_ros.params.declaration import Values
 from masmc_ros.reference.approach import Approach
+from masmc_ros.reference.sampled_trajectory import SampledTrajectory
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.robot.robot import robot_of
 import numpy as np
@@ -41,7 +42,12 @@ BLOCK = 20_000
 class Simulation:
     """Closed loop of one robot, trajectory and controller."""
 
-    def __init__(self, values: Mapping[str, Values], changes: Sequence[Change] = ()) -> None:
+    def __init__(
+        self,
+        values: Mapping[str, Values],
+        changes: Sequence[Change] = (),
+        samples: SampledTrajectory | None = None,
+    ) -> None:
         """
         Initialise the closed loop; `active_on_start` determines if the controller starts active.
 
@@ -50,7 +56,9 @@ class Simulation:
         values
             Checked parameter values of every node, by node name.
         changes
-            Changes of the controller during the run, in the order of their ticks.
+            Changes of controller and plant during the run, in the order of their ticks.
+        samples
+            Reference of the run; None for the trajectory of the values.
 
         Raises
         ------
@@ -59,7 +67,8 @@ class Simulation:
 
         """
         plant, control = values['plant'], values['controller']
-        self._start = control
+        self._start, self._start_plant = control, plant
+        self._plant_values = plant
         self._changes = tuple(changes)
         self._is_active = self._has_moved = True
         self._approach: Approach | None = None
@@ -70,7 +79,7 @@ class Simulation:
         # The stamp of a simulated state is that of the tick at which it appears.
         self.controller.set_stamp_age(self.plant.delay)
         self._stop = SafeStop(self.controller)
-        self.trajectory = Trajectory(
+        self.trajectory = samples or Trajectory(
             values['trajectory'], self.timing.period, robot_of(values['trajectory'])
         )
 
@@ -82,7 +91,9 @@ class Simulation:
         """
         if self.timing.last is None:
             raise InputError('duration = 0.0: expected a length > 0 s for a simulation')
+        self._plant_values = self._start_plant
         self.plant.reset()
+        self.plant.change(self._plant_values)
         self.controller.change(self._start)
         self.controller.reset()
         self._stop.release()
@@ -134,6 +145,10 @@ class Simulation:
         return tick_block
 
     def _make(self, change: Change) -> None:
+        if change.node == 'plant':
+            self._plant_values = {**self._plant_values, **change.values}
+            self.plant.change(self._plant_values)
+            return
         if change.values:
             self.controller.change(change.values)
             self._stop.change()

@@ -19,13 +19,15 @@ _NAMES = {signal.name for signal in SIGNALS}
 
 
 class Change(NamedTuple):
-    """Change of controller parameters at a tick, or an event."""
+    """Change of parameters of a node at a tick, or an event of the controller."""
 
     tick: int
     """First tick computed with the values."""
     values: Values
     event: str = ''
     """Event of `controller_events.EVENTS`, applied after the values; empty without an event."""
+    node: str = 'controller'
+    """Node of the parameters: controller or plant."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +53,7 @@ class TickBlock:
     contact: Array
     """Contact signals (n, ...) of the plant; (n, 0) without contact physics."""
     changes: tuple[Change, ...] = ()
-    """Changes of the controller at ticks of this block."""
+    """Changes of controller and plant at ticks of this block."""
 
     def __len__(self) -> int:
         """Return the number of ticks."""

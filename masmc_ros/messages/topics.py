@@ -15,6 +15,7 @@ from masmc_ros.messages.names import (
     CMD_VEL_TOPIC,
     COMMAND_TOPIC,
     CONTACT_TOPIC,
+    CONTROLLER_STATE_TOPIC,
     DESCRIPTION_TOPIC,
     DESIRED_PATH_TOPIC,
     PAYLOAD_TOPIC,
@@ -28,6 +29,7 @@ from masmc_ros.robot.mechanisms import DEFAULT
 FLOAT_ARRAY = 'std_msgs/msg/Float64MultiArray'
 ODOMETRY = 'nav_msgs/msg/Odometry'
 PATH = 'nav_msgs/msg/Path'
+STRING = 'std_msgs/msg/String'
 INERTIA_STAMPED = 'geometry_msgs/msg/InertiaStamped'
 TWIST = 'geometry_msgs/msg/Twist'
 TWIST_STAMPED = 'geometry_msgs/msg/TwistStamped'
@@ -171,7 +173,7 @@ TOPICS = (
     *(
         Topic(
             parameters_topic(node),
-            'std_msgs/msg/String',
+            STRING,
             f'{node} →',
             'current parameters as JSON, at the start and at every change with its first tick'
             + ('; resets and activations too' if node == 'controller' else ''),
@@ -180,8 +182,8 @@ TOPICS = (
         for node in PARAMETER_NODES
     ),
     Topic(
-        'controller/state',
-        'std_msgs/msg/String',
+        CONTROLLER_STATE_TOPIC,
+        STRING,
         'controller → trajectory',
         '`active`, `inactive: REASON` or `fault: REASON`, at every change',
         holds=True,
@@ -196,12 +198,12 @@ TOPICS = (
     Topic(
         '/diagnostics',
         'diagnostic_msgs/msg/DiagnosticArray',
-        'plant, controller, recorder →',
+        'plant, trajectory, controller, recorder →',
         'health and figures of each node, once a second',
     ),
     Topic(
         DESCRIPTION_TOPIC,
-        'std_msgs/msg/String',
+        STRING,
         'plant →',
         'the robot as URDF',
         holds=True,

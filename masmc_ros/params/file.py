@@ -1,19 +1,28 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""ROS 2 parameter files with the values that rcl reads from them."""
+"""ROS 2 parameter files: the values that rcl reads from them, and text with such values."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 import os
 from pathlib import Path
+from typing import TypeGuard
 
 from masmc_ros.errors import InputError
-from masmc_ros.params.blocks import Block, read_blocks
+from masmc_ros.params.blocks import Block, PARAMETERS_KEY, read_blocks
+from masmc_ros.params.declaration import MutableValues, Values
+from masmc_ros.params.text import yaml_text
 from masmc_ros.params.values import FileValue, value_of
 from masmc_ros.params.yaml_nodes import compose
+
+EVERY = '/**'
+"""Place of the values for all nodes."""
+
+PATH_PARAMETERS = ('robot.urdf', 'file.path')
+"""Parameters whose value may be a path; a relative one is relative to the parameter file."""
 
 
 @dataclass(frozen=True)
@@ -73,6 +82,8 @@ def read(path: str | os.PathLike[str]) -> ParameterFile:
     """
     Read a ROS 2 parameter file; its values are those that rcl's parser gives a node.
 
+    Paths in it are relative to its folder.
+
     Raises
     ------
     InputError
@@ -80,8 +91,19 @@ def read(path: str | os.PathLike[str]) -> ParameterFile:
 
     """
     source = os.fspath(path)
+    data = content_of(source)
+    if is_urdf(data):
+        raise InputError(
+            f'{source} is a URDF; masmc robot {source} --write FILE.yaml writes a parameter file'
+            ' for its robot'
+        )
+    return parsed(data, source)
+
+
+def content_of(source: str) -> bytes:
+    """Return the content of a parameter file; InputError if it cannot be read."""
     try:
-        data = Path(source).read_bytes()
+        return Path(source).read_bytes()
     except FileNotFoundError:
         raise InputError(f'{source}: no such file; give the path of a parameter file') from None
     except IsADirectoryError:
@@ -91,7 +113,39 @@ def read(path: str | os.PathLike[str]) -> ParameterFile:
         raise InputError(
             f'{source}: not readable ({reason}); give the path of a readable parameter file'
         ) from None
-    return ParameterFile(source, read_blocks(data, source))
+
+
+def is_urdf(data: bytes) -> bool:
+    """Return True for the content of a URDF, or of another XML file."""
+    return data[:200].removeprefix(b'\xef\xbb\xbf').lstrip().startswith(b'<')
+
+
+def parsed(data: bytes, source: str) -> ParameterFile:
+    """Return the parameter file of a content, with paths relative to the folder of `source`."""
+    folder = os.path.dirname(source)
+    blocks = tuple(
+        replace(block, values={n: (_located(n, v, folder), line)
+                               for n, (v, line) in block.values.items()})
+        for block in read_blocks(data, source)
+    )  # fmt: skip
+    return ParameterFile(source, blocks)
+
+
+def _located(name: str, value: FileValue, folder: str) -> FileValue:
+    """Return a value of a parameter; a relative path with the folder of the file."""
+    return os.path.join(folder, value) if is_path(value, name) else value
+
+
+def anywhere(values: Values) -> MutableValues:
+    """Return the paths among values as absolute ones, for a file in another folder."""
+    return {n: os.path.abspath(v) for n, v in values.items() if is_path(v, n)}
+
+
+def is_path(value: object, name: str) -> TypeGuard[str]:
+    """Return True for a path of a parameter: no URI, no text of a URDF, none of a home folder."""
+    if name not in PATH_PARAMETERS or not isinstance(value, str) or not value:
+        return False
+    return not ('://' in value or value.lstrip().startswith('<') or value.startswith('~'))
 
 
 def parse_value(text: str, source: str = '') -> FileValue:
@@ -116,3 +170,23 @@ def parse_value(text: str, source: str = '') -> FileValue:
         raise InputError(f"{name}: no value; write one ('' for an empty string)")
     root = compose(text.encode('utf-8', 'surrogateescape'), lambda _: name)
     return None if root is None else value_of(root, 'it', lambda _: name)
+
+
+def parameter_file_text(nodes: Mapping[str, Values], comments: Iterable[str]) -> str:
+    """
+    Return a ROS 2 parameter file for any namespace.
+
+    Parameters
+    ----------
+    nodes
+        Values by node, or by EVERY for all nodes, and by name; relative paths become absolute.
+    comments
+        Lines of comments at the start of the file.
+
+    """
+    lines = [f'# {comment}' for comment in comments]
+    for node, values in nodes.items():
+        lines += [f'{EVERY}:' if node == EVERY else f'{EVERY}/{node}:', f'  {PARAMETERS_KEY}:']
+        placed = {**values, **anywhere(values)}
+        lines += [f'    {name}: {yaml_text(value)}' for name, value in placed.items()]
+    return '\n'.join(lines) + '\n'

@@ -16,9 +16,10 @@ from masmc_ros.loop.runaway import PARAMETER as RUNAWAY_DETECTION
 from masmc_ros.loop.safe_stop import PARAMETER as FAULT_ACTION
 from masmc_ros.loop.timing import TIMING
 from masmc_ros.params.declaration import MutableValues, Parameter
+from masmc_ros.params.values import FileValue
 from masmc_ros.reference import trajectory
 from masmc_ros.robot import mechanisms
-from masmc_ros.robot.declaration import Mechanism
+from masmc_ros.robot.declaration import Mechanism, URDF
 from masmc_ros.robot.joint_names import joint_names_parameter, PREFIX
 
 PACING = ('lockstep', 'realtime')
@@ -111,6 +112,33 @@ _TRAJECTORY_NODE = (
         'Stamp at which the trajectory starts; negative: stamp of the first state after the '
         'activation of the controller',
         unit='s', maximum=_LATEST_START,
+    ),
+    Parameter(
+        'path_speed', 0.25,
+        'Largest speed on paths from messages without times, and of the transition to a path',
+        unit='m/s', minimum=0.0, exclusive_minimum=True,
+    ),
+    Parameter(
+        'path_turn_rate', 0.5, 'Largest turn rate on paths of poses without times',
+        unit='rad/s', minimum=0.0, exclusive_minimum=True,
+    ),
+    Parameter(
+        'path_acceleration', 0.5,
+        'Largest acceleration on the way to a goal, with path_jerk > 0; that of angles is as many '
+        'times larger as path_turn_rate is than path_speed',
+        unit='m/s²', minimum=0.0, exclusive_minimum=True,
+    ),
+    Parameter(
+        'path_jerk', 0.0,
+        'Largest jerk on the way to a goal, which needs ruckig; 0: the motion has minimum jerk, '
+        'and no limit of acceleration',
+        unit='m/s³', minimum=0.0,
+    ),
+    Parameter(
+        'path_lead', 0.2,
+        'Time from the latest state of the robot to the start of a path from a message, with '
+        'pacing realtime',
+        unit='s', minimum=_SHORTEST_WINDOW, maximum=5.0,
     ),
 )
 
@@ -205,11 +233,20 @@ _RECORDER_NODE = (
     ),
 )
 
+_HOST = Parameter(
+    'host', '127.0.0.1', 'Address to listen on; 0.0.0.0: reachable from other machines'
+)
+
+
+def _port(default: int) -> Parameter:
+    return Parameter(
+        'port', default, 'Port to listen on; 0: any free port', minimum=0, maximum=65535
+    )
+
+
 _LIVE_NODE = (
-    Parameter(
-        'host', '127.0.0.1', 'Address to listen on; 0.0.0.0: reachable from other machines'
-    ),
-    Parameter('port', 8765, 'Port to listen on; 0: any free port', minimum=0, maximum=65535),
+    _HOST,
+    _port(8765),
     Parameter(
         'rate', 60.0, 'Rate at which viewers receive the topics that are published every tick',
         unit='Hz', minimum=1.0, maximum=1000.0,
@@ -218,6 +255,24 @@ _LIVE_NODE = (
         'max_viewers', 16,
         'Number of viewers that receive messages; further viewers wait until one disconnects',
         minimum=1, maximum=1000,
+    ),
+)
+
+_PLAY_NODE = (
+    _HOST,
+    _port(8090),
+    Parameter(
+        'allow_commands', False,
+        'Viewers of a page that other machines reach may change gains and enable the controller; '
+        'on a local address they always may',
+    ),
+    Parameter(
+        'asks_first', True,
+        'Ask a viewer once before the first command, as for robots that the page did not start',
+    ),
+    Parameter(
+        'recording', '',
+        "File of the recorder of this run, for 'Report this run'; empty: no such button",
     ),
 )
 
@@ -235,6 +290,7 @@ _DECLARED: dict[str, Callable[[Mechanism], tuple[Parameter, ...]]] = {
     ),
     'recorder': lambda kind: (*TIMING, *PREFIX, *_RECORDER_NODE),
     'live': lambda kind: _LIVE_NODE,
+    'play': lambda kind: _PLAY_NODE,
 }
 """Parameters of the nodes for a mechanism."""
 
@@ -296,6 +352,29 @@ def drop_foreign(
                 'lose messages or stop; remove it'
             )
     return foreign
+
+
+def with_posture(
+    values: Mapping[str, FileValue], plant: Mapping[str, FileValue]
+) -> dict[str, FileValue]:
+    """
+    Return values of a node, with the start of its robot as the default of `robot.posture`.
+
+    Parameters
+    ----------
+    values
+        Values of the node from files and settings, unchecked.
+    plant
+        Those of the plant, whose `initial_joints` are the start.
+
+    """
+    start = plant.get('initial_joints')
+    if not values.get(URDF) or 'robot.posture' in values or not isinstance(start, list):
+        return dict(values)
+    mechanism = mechanisms.mechanism_from(values)
+    if len(start) != len(mechanism.joints):
+        return dict(values)
+    return {**values, 'robot.posture': start[mechanism.groups[-1].first:]}
 
 
 def foreign_text(names: Collection[str]) -> str:

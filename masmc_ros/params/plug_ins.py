@@ -1,7 +1,11 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Choices of installed packages: classes that entry points of a group name."""
+"""
+Choices of installed packages: classes that entry points of a group name.
+
+`add_plug_in` adds choices of this process, such as a controller from a file.
+"""
 
 from __future__ import annotations
 
@@ -12,12 +16,21 @@ import sys
 from typing import Any
 
 from masmc_ros.errors import InputError
-from masmc_ros.mistakes import one_line
+from masmc_ros.mistakes import place_and_text
+
+_added: dict[str, dict[str, object]] = {}
+"""Objects of this process by group and name."""
+
+
+def add_plug_in(group: str, name: str, choice: object) -> None:
+    """Add a choice to a group for this process, or replace it."""
+    _added.setdefault(group, {})[name] = choice
 
 
 def plugged_in(group: str) -> tuple[str, ...]:
-    """Return the names of installed packages in a group, in alphabetical order."""
-    return _names(entry_points, group, tuple(sys.path))
+    """Return the names of a group: of installed packages in alphabetical order, and added ones."""
+    installed = _names(entry_points, group, tuple(sys.path))
+    return (*installed, *(name for name in _added.get(group, ()) if name not in installed))
 
 
 @cache
@@ -33,6 +46,8 @@ def load_plug_in(group: str, parameter: str, name: str) -> Any:
     Raises InputError with the parameter whose value is the name, if it cannot be loaded or if
     two packages bring it.
     """
+    if name in _added.get(group, ()):
+        return _added[group][name]
     points = {point.value: point for point in entry_points(group=group, name=name)}
     if len(points) > 1:
         raise InputError(
@@ -44,6 +59,6 @@ def load_plug_in(group: str, parameter: str, name: str) -> Any:
             return point.load()
         except Exception as error:
             raise InputError(
-                f'{parameter} = {name}: {point.value} cannot be loaded: {one_line(error)}'
+                f'{parameter} = {name}: {point.value} cannot be loaded: {place_and_text(error)}'
             ) from error
     raise InputError(f'{parameter} = {name}: no installed package brings it to {group}')

@@ -7,17 +7,28 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
+from functools import lru_cache
 from itertools import chain
+import os
 from pathlib import Path
+from typing import NamedTuple, TYPE_CHECKING
 
+from masmc_ros.aliases import Numbers
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.log.read.reader import Run
 from masmc_ros.loop.controller_events import ACTIVATED, EVENTS
+from masmc_ros.loop.simulated_robot import PAYLOAD_MASS, PUSH
 from masmc_ros.loop.tick_block import Change
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.topics import PARAMETER_NODES
 from masmc_ros.params.declaration import check_all, MutableValues, Parameter, Values
-from masmc_ros.params.file import parse_value, read
+from masmc_ros.params.file import (
+    content_of,
+    is_urdf,
+    ParameterFile,
+    parse_value,
+    parsed,
+)
 from masmc_ros.params.node_parameters import (
     accepted,
     declared,
@@ -25,12 +36,18 @@ from masmc_ros.params.node_parameters import (
     foreign_text,
     NODES,
     shared,
+    with_posture,
 )
 from masmc_ros.params.precedence import node_values
 from masmc_ros.params.values import FileValue
+from masmc_ros.reference.sampled_trajectory import PATH_RECEIVED, SampledTrajectory
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.mechanisms import mechanism_from
+from masmc_ros.robot.packages import resource_path
 import numpy as np
+
+if TYPE_CHECKING:
+    from masmc_ros.robot.tree.urdf_defaults import Defaults
 
 _MOST_MISSING = 1000
 """Ticks per state above which a log lacks most of its states."""
@@ -42,6 +59,60 @@ _ABSENT = {'plant': {'torque_rate_limit': 0.0}}
 """Values for logs that lack a parameter, if they differ from its default."""
 
 
+class Source(NamedTuple):
+    """Content of a parameter file, or that of the defaults of a URDF."""
+
+    text: bytes
+    file: ParameterFile
+    defaults: Defaults | None = None
+    """Choices for the robot of a URDF."""
+
+
+def source_of(path: str, settings: Iterable[str] = (), folder: str | None = None) -> Source:
+    """
+    Read a parameter file, or write one for the robot of a URDF.
+
+    Parameters
+    ----------
+    path
+        Parameter file, or path or URI of a URDF.
+    settings
+        As in `load_scenario`; the defaults of a URDF follow those of its robot.
+    folder
+        Folder of the parameter file for a URDF; None for that of the URDF.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, or no robot in it.
+
+    """
+    is_uri = '://' in path
+    data = content_of(str(resource_path(path)) if is_uri else path)
+    if not is_urdf(data):
+        return Source(data, parsed(data, path))
+    return _of_urdf(path, tuple(settings), folder, data)
+
+
+@lru_cache(maxsize=4)
+def _of_urdf(
+    path: str, settings: tuple[str, ...], folder: str | None, data: bytes
+) -> Source:
+    """Return the source of a URDF; cached by its content, as commands need it several times."""
+    # Imported here: the import takes time, and only a URDF needs it.
+    from masmc_ros.robot.tree.urdf_defaults import parameter_text, urdf_defaults, urdf_value
+
+    stated = {
+        name.removeprefix('plant.') if name.startswith('plant.robot.') else name: value
+        for name, value in map(_parsed, settings)
+    }
+    defaults = urdf_defaults(path, stated)
+    of_file = os.path.dirname(path) if folder is None else folder
+    value = urdf_value(path, of_file)
+    text = parameter_text(value, stated, defaults).encode()
+    return Source(text, parsed(text, path), defaults)
+
+
 def load_scenario(path: str, settings: Iterable[str] = ()) -> dict[str, MutableValues]:
     """
     Read a parameter file as the nodes do; settings replace its values.
@@ -49,7 +120,7 @@ def load_scenario(path: str, settings: Iterable[str] = ()) -> dict[str, MutableV
     Parameters
     ----------
     path
-        Parameter file.
+        Parameter file, or a URDF, for which `source_of` chooses the values.
     settings
         NAME=VALUE of the command line. NAME is NODE.parameter, or a shared parameter, which
         then applies to every node.
@@ -64,14 +135,17 @@ def load_scenario(path: str, settings: Iterable[str] = ()) -> dict[str, MutableV
         If a node would reject a value.
 
     """
-    file, settings = read(path), tuple(settings)
+    settings = tuple(settings)
+    file = source_of(path, settings).file
     extra = _settings(settings, file.for_node('plant'))
+    plant = {**file.for_node('plant'), **extra['plant']}
     # For every node: one that needs no robot skips the parameters of its mechanism.
     robot = _of_robot(dict(map(_parsed, settings)))
     scenario = {}
     for node in NODES:
         start = node_values((file,), robot | _of_robot(extra[node]), node)
-        stated, places = dict(start.values), start.places
+        stated = with_posture(start.values, plant)
+        places = {**dict.fromkeys(stated, ''), **start.places}
         mechanism = mechanism_from(stated)
         for name in accepted(node, mechanism) & stated.keys():
             # Shared parameters are checked in the file, even if this node does not need them.
@@ -91,6 +165,14 @@ def load_scenario(path: str, settings: Iterable[str] = ()) -> dict[str, MutableV
         scenario[node] = values
     check_start(scenario, path)
     return scenario
+
+
+def lowest_limits(values: Mapping[str, Values]) -> Numbers:
+    """Return the lower one of the torque limits of controller and plant; 0: no limit."""
+    pairs = zip(
+        values['controller']['torque_limit'], values['plant']['torque_limit'], strict=True
+    )
+    return tuple(min(filter(None, pair), default=0.0) for pair in pairs)
 
 
 def activation(scenario: Mapping[str, Values]) -> list[Change]:
@@ -113,7 +195,7 @@ def logged_scenario(
 
     Returns
     -------
-        Checked values by node name, and the changes of the controller.
+        Checked values by node name, and the changes of controller and plant.
 
     Raises
     ------
@@ -150,7 +232,25 @@ def logged_scenario(
             f'{run.path}: its path starts {when}; only a run that follows it from its first'
             ' state on can be recomputed'
         )
-    return scenario, _controller_changes(run, without=extra['controller'])
+    return scenario, _changes(run, without=extra)
+
+
+def logged_trajectory(run: Run, settings: Iterable[str] = ()) -> SampledTrajectory | None:
+    """
+    Return the samples of a run that followed paths of messages, None for one without.
+
+    Its parameters do not determine its reference. With settings of the trajectory it is computed
+    from them instead.
+    """
+    has_paths = any(
+        change.node.rpartition('/')[2] == 'trajectory' and change.event == PATH_RECEIVED
+        for change in run.changes
+    )
+    is_set = any(setting.startswith('trajectory.') for setting in settings)
+    if run.reference is None or is_set or not has_paths:
+        return None
+    period = run.parameters['trajectory']['control_period']
+    return SampledTrajectory(np.rint(run.times / period).astype(np.int64), run.reference)
 
 
 def _check_timing(values: MutableValues, path: str, node: str) -> None:
@@ -171,22 +271,31 @@ def check_start(scenario: Mapping[str, Values], place: str | Path) -> None:
         )
 
 
-def _controller_changes(run: Run, without: MutableValues) -> list[Change]:
-    """Return the checked changes of the controller, except those of some parameters."""
-    mechanism = mechanism_from(run.parameters['controller'])
-    known = {parameter.name: parameter for parameter in declared('controller', mechanism)}
+def _changes(run: Run, without: Mapping[str, Values]) -> list[Change]:
+    """Return the checked changes of controller and plant, except some parameters by node."""
+    known = {
+        node: {p.name: p for p in declared(node, mechanism_from(run.parameters[node]))}
+        for node in ('controller', 'plant')
+    }
+    # The other changes of a plant are those of its pacing.
+    known['plant'] = {name: known['plant'][name] for name in (PAYLOAD_MASS, PUSH)}
     changes = []
     for change in run.changes:
-        if change.node.rpartition('/')[2] != 'controller':
+        node = change.node.rpartition('/')[2]
+        if node not in known:
             continue
-        new = {n: known[n].check(v) for n, v in change.changes.items() if n not in without}
-        if change.event and change.event not in EVENTS:
+        new = {
+            name: known[node][name].check(value)
+            for name, value in change.changes.items()
+            if name not in without[node] and (node == 'controller' or name in known[node])
+        }
+        if node == 'controller' and change.event and change.event not in EVENTS:
             raise InputError(
                 f'{run.path}: event {change.event!r} of the controller at tick {change.tick};'
                 f' expected one of {", ".join(EVENTS)}'
             )
         if new or change.event:
-            changes.append(Change(change.tick, new, change.event))
+            changes.append(Change(change.tick, new, change.event, node))
     return changes
 
 
@@ -212,7 +321,8 @@ def strays(path: str, settings: Iterable[str] = ()) -> list[str]:
 
     `settings` as in `load_scenario`: the robot determines the known names.
     """
-    file = read(path)
+    settings = tuple(settings)
+    file = source_of(path, settings).file
     robot = _of_robot(_settings(settings, file.for_node('plant'))['plant'])
     blocks = [
         f"{path}:{block.line}: block '{block.pattern}' is for none of {', '.join(NODES)}"

@@ -160,19 +160,25 @@ class ContactRobot(SimulatedRobot):
         data.qpos[:3] = x, y, parts.height
         data.qpos[3:7] = math.cos(0.5 * self._yaw), 0.0, 0.0, math.sin(0.5 * self._yaw)
         for _ in range(round(_SETTLING * self._steps / self.period)):
-            data.qpos[:2], data.qpos[parts.positions] = (x, y), start[first:]
-            data.qpos[parts.rotor_positions] = start[first:]
+            self._place(x, y, start[first:])
             heave, roll, pitch = _CALM * data.qvel[2:5]
             data.qvel[:] = 0.0
             data.qvel[2:5] = heave, roll, pitch
             mujoco.mj_step(self._model, data)
-        data.qpos[:2], data.qpos[parts.positions] = (x, y), start[first:]
-        data.qpos[parts.rotor_positions] = start[first:]
+        self._place(x, y, start[first:])
         data.qvel[:] = 0.0
         data.qvel[:2], data.qvel[5] = velocity[:2], velocity[2]
         data.qvel[parts.turning] = parts.rolling @ self._base_rates()
         data.qvel[parts.rates] = data.qvel[parts.rotor_rates] = velocity[first:]
+        data.qvel[parts.mimic_rates] = parts.multipliers * velocity[first:][parts.sources]
         data.time = 0.0
+
+    def _place(self, x: float, y: float, angles: NDArray[np.float64]) -> None:
+        """Move the base to a place in m and the joints to angles, without a change of tilt."""
+        data, parts = self._data, self._parts
+        data.qpos[:2], data.qpos[parts.positions] = (x, y), angles
+        data.qpos[parts.rotor_positions] = angles
+        data.qpos[parts.mimic_positions] = parts.multipliers * angles[parts.sources]
 
     def _write_state(self) -> None:
         """Write the state of MuJoCo as the true state."""

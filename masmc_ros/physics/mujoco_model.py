@@ -6,7 +6,8 @@ MuJoCo model of a robot: bodies of its URDF, wheels on a plane, castors and payl
 
 The base moves freely and is guided by friction. Bodies have the masses of the URDF. Only wheels
 and castors have contacts. The rotor of an elastic joint is a body that only spins, as that of
-`plant_model.elastic`, and a tendon is its spring.
+`plant_model.elastic`, and a tendon is its spring. A stiff constraint couples a mimic joint to its
+controlled joint.
 """
 
 from __future__ import annotations
@@ -66,6 +67,10 @@ _FLAT = 1.0e-9
 """Relative increase of moments of inertia, because rounding can make flat bodies invalid."""
 
 
+_COUPLED = (0.9999, 0.99999, 1.0e-6, 0.5, 2.0)
+"""Impedance of the constraints of mimic joints: they deviate by less than 1e-8 rad or m."""
+
+
 class ContactModel(NamedTuple):
     """MuJoCo model of a robot, and the indices of the robot in its state and contacts."""
 
@@ -78,6 +83,14 @@ class ContactModel(NamedTuple):
     """Indices (joints - forces) of the rotors in qpos; those of rigid joints are the joints."""
     rotor_rates: Array
     """Indices (joints - forces) of the rotors in qvel."""
+    mimic_positions: Array
+    """Indices (mimic joints) in qpos."""
+    mimic_rates: Array
+    """Indices (mimic joints) in qvel."""
+    sources: Array
+    """Indices (mimic joints) of the joints in `positions` that move them."""
+    multipliers: Array
+    """Positions (mimic joints) per position of these joints."""
     forces: int
     """Number of the first joints of the mechanism that are forces on the base instead."""
     turning: Array
@@ -173,6 +186,15 @@ def contact_model(
         joint = spec.joint(name)
         # The second and third are of its square and cube.
         joint.damping, joint.frictionloss = [viscous, 0.0, 0.0], coulomb
+    for name, mimic in tree.mimics.items():
+        # The offset is part of the placement of the body.
+        coupling = np.zeros(mujoco.mjNEQDATA)
+        coupling[1] = mimic.multiplier
+        spec.add_equality(
+            name=name, type=mujoco.mjtEq.mjEQ_JOINT, objtype=mujoco.mjtObj.mjOBJ_JOINT,
+            name1=name, name2=mimic.source, data=coupling, solref=[2.0 * step, 1.0],
+            solimp=_COUPLED,
+        )
     rotors = [
         _add_rotor(spec, name, *spring) if spring[0] > 0.0 else name
         for name, spring in zip(names, springs[forces:], strict=True)
@@ -194,13 +216,19 @@ def contact_model(
         model = spec.compile()
     except ValueError as error:
         raise InputError(f'plant.physics = mujoco: {error}') from error
-    joints, turning = ([model.joint(name) for name in part] for part in (names, rotors))
+    joints, turning, mimics = (
+        [model.joint(name) for name in part] for part in (names, rotors, tree.mimics)
+    )
     return ContactModel(
         model,
         np.array([joint.qposadr[0] for joint in joints]),
         np.array([joint.dofadr[0] for joint in joints]),
         np.array([joint.qposadr[0] for joint in turning]),
         np.array([joint.dofadr[0] for joint in turning]),
+        np.array([joint.qposadr[0] for joint in mimics], np.int64),
+        np.array([joint.dofadr[0] for joint in mimics], np.int64),
+        np.array([names.index(mimic.source) for mimic in tree.mimics.values()], np.int64),
+        np.array([mimic.multiplier for mimic in tree.mimics.values()]),
         forces,
         np.array([model.joint(wheel.name).dofadr[0] for wheel in wheels]),
         np.array([model.geom(wheel.name).id for wheel in wheels]),
@@ -231,7 +259,7 @@ def _wheel(tree: TreeRobot, joint: str, values: Values) -> _Wheel:
     """Return a driven wheel of the robot, with its axle along y of the base."""
     number = _number(tree, joint)
     centre = tree.tree.offset[number]
-    axle = tree.tree.rotation[number].reshape(3, 3) @ tree.joints[number - 1].axis
+    axle = tree.tree.rotation[number].reshape(3, 3) @ tree.moving[number - 1].axis
     side = np.array([0.0, np.sign(axle[1]), 0.0])
     return _Wheel(joint, centre, side, float(values.get('wheel_radius') or centre[2]))
 
@@ -265,7 +293,7 @@ def _with_wheels(robot: Robot, names: Sequence[str]) -> TreeRobot:
 
 def _number(tree: TreeRobot, joint: str) -> int:
     """Return the number of the body that a joint moves."""
-    return 1 + [candidate.name for candidate in tree.joints].index(joint)
+    return 1 + [candidate.name for candidate in tree.moving].index(joint)
 
 
 def _bodies(spec: mujoco.MjSpec, tree: TreeRobot, armature: float) -> list[mujoco.MjsBody]:
@@ -276,7 +304,7 @@ def _bodies(spec: mujoco.MjSpec, tree: TreeRobot, armature: float) -> list[mujoc
             body = spec.worldbody.add_body(name='base')
             body.add_freejoint()
         else:
-            joint = tree.joints[number - 1]
+            joint = tree.moving[number - 1]
             rotation = tree.tree.rotation[number].reshape(3, 3)
             quaternion = np.zeros(4)
             mujoco.mju_mat2Quat(quaternion, rotation.ravel())
@@ -288,7 +316,7 @@ def _bodies(spec: mujoco.MjSpec, tree: TreeRobot, armature: float) -> list[mujoc
                 name=joint.name,
                 type=mujoco.mjtJoint.mjJNT_SLIDE if slides else mujoco.mjtJoint.mjJNT_HINGE,
                 axis=joint.axis,
-                armature=armature,
+                armature=0.0 if joint.name in tree.mimics else armature,
             )
         _set_inertia(body, inertial_parameters)
         bodies.append(body)

@@ -22,6 +22,8 @@ class CommandPart:
         Topic, relative to the robot.
     names_state
         True if its messages name the state to which they respond.
+    is_zero_unlabelled
+        True if in real time the stamp 0 names no state, as drivers leave a header empty.
     is_required
         True if without it there is no command at all; otherwise its numbers are then zero.
     is_here
@@ -36,10 +38,17 @@ class CommandPart:
     """
 
     def __init__(
-        self, topic: str, width: int, *, names_state: bool = True, is_required: bool = False
+        self,
+        topic: str,
+        width: int,
+        *,
+        names_state: bool = True,
+        is_zero_unlabelled: bool = False,
+        is_required: bool = False,
     ) -> None:
         """Initialise a part of `width` numbers without a command."""
         self.topic, self.names_state, self.is_required = topic, names_state, is_required
+        self.is_zero_unlabelled = is_zero_unlabelled
         self.is_here = False
         self.numbers: Array | None = None
         self.time = -math.inf

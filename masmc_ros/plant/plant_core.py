@@ -12,12 +12,13 @@ the caller supplies the time `now`, a steady time in s.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Collection
 from typing import NamedTuple
 
 from masmc_ros.aliases import Array
 from masmc_ros.control.actions import Failure, Line, Wait
 from masmc_ros.errors import InputError
-from masmc_ros.loop.simulated_robot import SimulatedRobot
+from masmc_ros.loop.simulated_robot import PAYLOAD_MASS, PUSH, SimulatedRobot
 from masmc_ros.loop.timing import Timing
 from masmc_ros.params.declaration import Values
 from masmc_ros.plant.lateness import Lateness
@@ -43,6 +44,12 @@ class AwaitCommand(NamedTuple):
     topics: str
 
 
+class EndPush:
+    """Set the torque of the push to 0 from the current state on."""
+
+    __slots__ = ()
+
+
 class Done(NamedTuple):
     """End the run after its last command: `ticks` ticks in `seconds` s."""
 
@@ -50,11 +57,14 @@ class Done(NamedTuple):
     seconds: float
 
 
-Action = Publish | PublishAgain | AwaitCommand | Wait | Line | Failure | Done
+Action = Publish | PublishAgain | AwaitCommand | EndPush | Wait | Line | Failure | Done
 Actions = tuple[Action, ...]
 
 NOTHING: Actions = ()
 PUBLISH: Actions = (Publish(),)
+
+_NEVER = -1
+"""Tick of the end of a push that does not act."""
 
 
 class PlantCore(ABC):
@@ -112,6 +122,7 @@ class PlantCore(ABC):
         self.is_paused = self.has_started = self.is_over = False
         self._timing, self._values = timing, values
         self._started = 0.0
+        self._push_end = _NEVER
 
     # Events.
 
@@ -163,8 +174,14 @@ class PlantCore(ABC):
         self.recorder.report(round(stamp / (1e9 * self._timing.period)), self.robot.tick, now)
         return NOTHING
 
-    def on_parameters(self, now: float) -> Actions:
-        """Use changed parameters."""
+    def on_parameters(self, changed: Collection[str], now: float) -> Actions:
+        """Use parameters with changed names from now on: payload and push."""
+        values = self._values
+        if PAYLOAD_MASS in changed or PUSH in changed:
+            self.robot.change(values)
+        if PUSH in changed:
+            ticks = max(1, round(values['push.duration'] / self._timing.period))
+            self._push_end = self.robot.tick + ticks if any(values[PUSH]) else _NEVER
         return NOTHING
 
     def on_reset(self, now: float) -> Actions:
@@ -173,7 +190,8 @@ class PlantCore(ABC):
         self.commands.clear()
         self.recorder.restart()
         self.is_over = self.is_over and not self._is_endless
-        return self._publish() if self.has_started else NOTHING
+        ended: Actions = NOTHING if self._push_end == _NEVER else (EndPush(),)
+        return (*ended, *self._publish()) if self.has_started else ended
 
     def on_pause(self, now: float, *, is_paused: bool) -> Actions:
         """Pause the robot's time, or continue."""
@@ -217,6 +235,8 @@ class PlantCore(ABC):
             if self._is_endless:
                 return (Line('warning', f'{error}; the robot stands until ~/reset is called'),)
             return (Failure(error),)
+        if self.robot.tick == self._push_end:
+            return (*self._publish(), EndPush())
         return self._publish()
 
     def _publish(self) -> Actions:

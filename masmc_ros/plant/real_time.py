@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 from masmc_ros.aliases import Array
 from masmc_ros.control.actions import Line
 from masmc_ros.errors import InputError
@@ -15,6 +17,8 @@ from masmc_ros.plant.latest_command import CommandPart, Commands
 from masmc_ros.plant.plant_core import Action, Actions, NOTHING, PlantCore, PublishAgain
 from masmc_ros.throttle import Throttle
 
+REAL_TIME_FACTOR = 'real_time_factor'
+
 _REPEATED = 0.02
 """Time in s between two publications of the same state while the robot's time stands still."""
 
@@ -22,6 +26,9 @@ _QUIET = 5.0
 """Time in s between two lines about the same subject."""
 
 _TICKS = 'ticks'
+
+_MANY_DROPPED = 10
+"""Consecutive dropped commands of a topic that are reported; single ones are late."""
 
 
 class RealTime(PlantCore):
@@ -57,6 +64,7 @@ class RealTime(PlantCore):
         self._anchor = (0.0, 0)
         self._due = -1
         self._throttle = Throttle(_QUIET)
+        self._dropped = dict.fromkeys((part.topic for part in commands.parts), 0)
 
     def start(self, now: float) -> Actions:
         """Publish the first state; time runs, or starts with the first command."""
@@ -67,11 +75,14 @@ class RealTime(PlantCore):
         self, part: CommandPart, numbers: Array | None, answered: int | None, now: float
     ) -> Actions:
         """Use a command to a state within the command timeout, or one that names no state."""
+        if answered == 0 and part.is_zero_unlabelled:
+            answered = None
         oldest = 1e9 * self._values['command_timeout'] * self._values['real_time_factor']
         is_recent = answered is None or 0 <= self.stamp - answered <= oldest
         if not (self.has_started and is_recent):
             self.dropped += 1
-            return NOTHING
+            return self._explained_drop(part.topic, answered, oldest, now)
+        self._dropped[part.topic] = 0
         part.take(numbers, answered, now)
         if not self._runs:
             self._set_anchor(now)
@@ -120,10 +131,11 @@ class RealTime(PlantCore):
         """Control period in s, or a shorter time if the robot's time runs faster."""
         return self._timing.period / max(1.0, self._values['real_time_factor'])
 
-    def on_parameters(self, now: float) -> Actions:
-        """Use the changed real-time factor from now on."""
-        self._set_anchor(now)
-        return NOTHING
+    def on_parameters(self, changed: Collection[str], now: float) -> Actions:
+        """Use the changed parameters, the real-time factor among them, from now on."""
+        if REAL_TIME_FACTOR in changed:
+            self._set_anchor(now)
+        return super().on_parameters(changed, now)
 
     def on_reset(self, now: float) -> Actions:
         """Reset the robot to its initial state at t = 0 s; its time continues from `now`."""
@@ -163,6 +175,20 @@ class RealTime(PlantCore):
             text = f'no command on {topic} for {timeout:g} s; the drives hold until one comes'
             lines += self._lines(topic, text, now)
         return lines, self.commands.held()
+
+    def _explained_drop(
+        self, topic: str, answered: int | None, oldest: float, now: float
+    ) -> Actions:
+        """Return a line about a topic whose commands are dropped again and again."""
+        self._dropped[topic] += 1
+        if not self.has_started or answered is None or self._dropped[topic] < _MANY_DROPPED:
+            return NOTHING
+        text = (
+            f'{topic} ignored: its stamp is {1e-9 * answered:.9g} s, and the last state has '
+            f'{1e-9 * self.stamp:.9g} s; expected the stamp of a state that is at most '
+            f'{1e-9 * oldest:g} s old, or a command without a stamp (a header with stamp 0)'
+        )
+        return self._lines(f'dropped {topic}', text, now)
 
     def _lines(self, subject: str, text: str, now: float) -> tuple[Action, ...]:
         """Return a warning, or nothing if one about this subject is recent."""

@@ -24,7 +24,7 @@ from masmc_ros.robot.approach_blend import decayed, returned, SHORTEST, task_sta
 from masmc_ros.robot.robot import Robot
 import numpy as np
 
-_PEAK = 15.0 / 8.0
+PEAK = 15.0 / 8.0
 """Peak velocity of a quintic from rest to rest, in multiples of distance / time."""
 
 _CONTINUOUS = 0.05
@@ -161,7 +161,7 @@ class Approach:
                 self._motion,
                 self._start,
             )
-            self._duration = max(SHORTEST, _PEAK * way / self._speed)
+            self._duration = max(SHORTEST, PEAK * way / self._speed)
         if not self.is_on:
             return reference
         part = (stamp - self._start_stamp) * 1e-9 / self._duration

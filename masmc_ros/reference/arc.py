@@ -11,10 +11,10 @@ from typing import ClassVar
 from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError
 from masmc_ros.jit.compiled import kernel
-from masmc_ros.numerics.hermite import quintic
 from masmc_ros.numerics.portable_math import sin_cos
 from masmc_ros.params.declaration import Parameter, Values
 from masmc_ros.reference.reference import Declared
+from masmc_ros.reference.rest_to_rest import duration_parameters, rest_to_rest
 from masmc_ros.robot.declaration import Mechanism
 import numpy as np
 
@@ -23,12 +23,8 @@ _SPACE = 3
 
 def _coordinates(mechanism: Mechanism) -> tuple[int, ...]:
     """Return the task axes of x, y and perhaps z of the first position; empty without one."""
-    if not mechanism.places:
-        return ()
-    first, axes = mechanism.places[0].first, mechanism.axes
-    z = 'z' + axes[first].name.removeprefix('x')
-    has_z = first + 2 < len(axes) and axes[first + 2].name == z
-    return tuple(range(first, first + (_SPACE if has_z else 2)))
+    places = mechanism.places
+    return tuple(range(places[0].first, places[0].axes.stop)) if places else ()
 
 
 def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
@@ -51,11 +47,7 @@ def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
         ),
         *((normal,) if dimensions == _SPACE else ()),
         Parameter('arc.angle', 2.0 * math.pi, 'Angle of the arc about the axis', unit='rad'),
-        Parameter('arc.delay', 0.0, 'Time at which the motion starts', unit='s', minimum=0.0),
-        Parameter(
-            'arc.duration', 10.0, 'Duration of the motion',
-            unit='s', minimum=0.0, exclusive_minimum=True,
-        ),
+        *duration_parameters('arc'),
     )  # fmt: skip
 
 
@@ -126,10 +118,7 @@ def _sample(
     for k in range(len(times)):
         for j in range(axes):
             out[k, j] = start[j]
-        part = max((times[k] - delay) / duration, 0.0)
-        way, speed, change = angle, 0.0, 0.0
-        if part < 1.0:
-            way, speed, change = quintic((0.0, 0.0, 0.0), (angle, 0.0, 0.0), duration, part)
+        way, speed, change = rest_to_rest(angle, delay, duration, times[k])
         s, c = sin_cos(way)
         for j in range(circle.shape[1]):
             u, w = circle[0, j], circle[1, j]

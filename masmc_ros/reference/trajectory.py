@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 import inspect
 from typing import cast, ClassVar
 
@@ -16,8 +17,12 @@ from masmc_ros.mistakes import MistakeError, reported
 from masmc_ros.params.declaration import Parameter, Values
 from masmc_ros.params.plug_ins import load_plug_in, plugged_in
 from masmc_ros.reference.arc import Arc
+from masmc_ros.reference.figure_eight import FigureEight
+from masmc_ros.reference.jerk_limited import SetPoint
 from masmc_ros.reference.line_sine import line_sine
+from masmc_ros.reference.path_file import PathFile
 from masmc_ros.reference.reference import Declared, made, Reference
+from masmc_ros.reference.rounded_polygon import RoundedPolygon
 from masmc_ros.reference.waypoints import Waypoints
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.robot import Robot
@@ -91,7 +96,8 @@ def _sample_line_sine(table: Array, times: Array) -> NDArray[np.float64]:
 _TICKS_OF_DRY_RUN = 3
 
 BUILT_IN: dict[str, type[Reference]] = {
-    'line_sine': LineSine, 'waypoints': Waypoints, 'arc': Arc
+    'line_sine': LineSine, 'waypoints': Waypoints, 'arc': Arc, 'figure_eight': FigureEight,
+    'rounded_polygon': RoundedPolygon, 'set_point': SetPoint, 'file': PathFile,
 }
 
 
@@ -125,21 +131,36 @@ def _place(reference: object) -> str:
 def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
     """Return the declarations of `type` and of the block of every type, for a mechanism."""
     kind = Parameter(
-        'type', 'line_sine', 'Type of trajectory; its parameters are in its block', choices=types()
-    )
+        'type', 'line_sine', 'Type of trajectory; its parameters are in its block',
+        choices=types(), read_only=False,
+    )  # fmt: skip
     declared = (load(name).parameters for name in types())
     return (
         kind,
         *(
-            parameter
+            replace(parameter, read_only=False)
             for declaration in declared
             for parameter in (declaration(mechanism) if callable(declaration) else declaration)
         ),
     )
 
 
+def path_values(values: Values) -> Values:
+    """Return the values that determine the path, among checked ones: type and its block."""
+    block = f'{values["type"]}.'
+    return {n: v for n, v in values.items() if n == 'type' or n.startswith(block)}
+
+
 class Trajectory:
-    """Trajectory on the control grid, checked against the robot's reach."""
+    """
+    Trajectory on the control grid, checked against the robot's reach.
+
+    Attributes
+    ----------
+    kind
+        Value of `type`.
+
+    """
 
     def __init__(self, values: Values, period: float, robot: Robot) -> None:
         """
@@ -159,7 +180,7 @@ class Trajectory:
                 f'{", ".join(own)}, the task axes of {robot.mechanism.name}'
             )
         own_values = {n.removeprefix(block): v for n, v in values.items() if n.startswith(block)}
-        self._kind, self._class, self._period = kind, chosen, period
+        self.kind, self._class, self._period = kind, chosen, period
         self._robot = robot
         self._axes = len(own)
         with self._reported():
@@ -167,7 +188,7 @@ class Trajectory:
         if kind not in BUILT_IN:
             # A dry run before compilation, and before the first tick of a node.
             with interpreted():
-                self._at(np.arange(_TICKS_OF_DRY_RUN))
+                self._at(self._times(np.arange(_TICKS_OF_DRY_RUN)))
 
     def sample(self, first: int, count: int) -> NDArray[np.float64]:
         """
@@ -175,40 +196,55 @@ class Trajectory:
 
         Raises InputError if the robot cannot reach a sample.
         """
-        times, samples = self._at(np.arange(first, first + count))
+        samples = self.unchecked(first, count)
+        self.check_reach(self._robot.geometry, first, samples)
+        return samples
+
+    def unchecked(self, first: int, count: int) -> NDArray[np.float64]:
+        """Return finite (count, 3 axes) samples at ticks first, ..., in reach or not."""
+        return self.at_times(self._times(np.arange(first, first + count)))
+
+    def at_times(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return finite (n, 3 axes) samples at times (n) in s, in reach or not."""
+        samples = self._at(times)
         if not np.isfinite(samples).all():
             bad = int(np.argmin(np.isfinite(samples).all(axis=1)))
             raise InputError(
                 f'trajectory: not finite at t = {times[bad]:g} s, expected numbers everywhere'
             )
-        robot = self._robot
-        wrong = robot.mechanism.formulas.out_of_reach(robot.geometry, samples[:, :self._axes])
+        return samples
+
+    def check_reach(self, geometry: Array, first: int, samples: Array) -> None:
+        """Raise InputError if a robot of these lengths cannot reach samples from a first tick."""
+        wrong = self._robot.mechanism.formulas.out_of_reach(geometry, samples[:, :self._axes])
         if wrong is not None:
             bad, why = wrong
-            raise InputError(f'trajectory: at t = {times[bad]:g} s {why}')
-        return samples
+            raise InputError(f'trajectory: at t = {(first + bad) * self._period:g} s {why}')
 
     def positions(self, ticks: NDArray[np.int64]) -> NDArray[np.float64]:
         """Return the desired n x axes entries, in m, at any n ticks, reachable or not."""
-        return self._at(ticks)[1][:, :self._axes]
+        return self._at(self._times(ticks))[:, :self._axes]
 
-    def _at(self, ticks: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return times (n) in s and samples (n, 3 axes) of ticks (n)."""
-        times = ticks.astype(np.float64) * self._period
+    def _times(self, ticks: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return the times (n) in s of ticks (n)."""
+        return ticks.astype(np.float64) * self._period
+
+    def _at(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return samples (n, 3 axes) at times (n) in s."""
         with self._reported():
             samples = np.asarray(self._reference.sample(times), dtype=np.float64)
-            expected = len(ticks), 3 * self._axes
+            expected = len(times), 3 * self._axes
             if samples.shape != expected:
                 raise MistakeError(
                     f'{type(self._reference).__name__}.sample returns the shape {samples.shape}: '
                     f'expected {expected}, one row per time with position, velocity and '
                     'acceleration of all axes'
                 )
-        return times, samples
+        return samples
 
     def _reported(self) -> AbstractContextManager[None]:
         """Report mistakes of a type from another package in one line."""
-        if self._kind in BUILT_IN:
+        if self.kind in BUILT_IN:
             return nullcontext()
         place = _place(self._class)
-        return reported(f'type = {self._kind}', [place.rpartition(':')[0]], place)
+        return reported(f'type = {self.kind}', [place.rpartition(':')[0]], place)

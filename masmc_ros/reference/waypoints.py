@@ -25,15 +25,23 @@ from masmc_ros.numerics.hermite import quintic
 from masmc_ros.params.declaration import Parameter, Values
 from masmc_ros.params.text import yaml_text
 from masmc_ros.reference.reference import Declared
+from masmc_ros.reference.rotations import continued_vectors, orientation_of
 from masmc_ros.robot.declaration import Mechanism
 import numpy as np
 
 _BESIDE = 3
 """Diagonals on each side of the main one: a knot's two unknowns meet those of its neighbours."""
 
+_QUATERNIONS = Parameter(
+    'waypoints.quaternions', (),
+    'Orientations at the points as x, y, z, w. The points have no rotation vectors then; empty: '
+    'rotation vectors in the points', kind='doubles',
+)  # fmt: skip
+
 
 def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
     units = ', '.join(dict.fromkeys(axis.unit for axis in mechanism.axes))
+    quaternions = () if orientation_of(mechanism) is None else (_QUATERNIONS,)
     return (
         Parameter(
             'waypoints.times', (0.0,), 'Times at which the path passes the points, ascending',
@@ -44,6 +52,7 @@ def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
             'Coordinates of the points, one point after the other, with a number for each task '
             'axis', unit=units,
         ),
+        *quaternions,
         Parameter(
             'waypoints.stops', False,
             'Stop at each point and connect the points by straight lines',
@@ -62,12 +71,17 @@ class Waypoints:
         points = np.array(values['points'], dtype=np.float64).reshape(len(self._times), -1)
         self._knots = np.hstack([points, np.zeros((len(points), 2 * points.shape[1]))])
         if not values['stops']:
-            _pass_through(self._times, self._knots)
+            smooth_knots(self._times, self._knots)
 
     @classmethod
     def of(cls, values: Values, mechanism: Mechanism) -> Waypoints:
         """Return the path; raise InputError if times and points do not match the task."""
         times, axes = values['times'], mechanism.axes
+        quaternions = values.get('quaternions', ())
+        rotation = orientation_of(mechanism) if quaternions else None
+        own = [axis.name for axis in axes]
+        if rotation is not None:
+            del own[rotation.axes]
         if not times:
             raise InputError('waypoints.times = []: expected a time for each point')
         for before, time in pairwise(times):
@@ -76,21 +90,33 @@ class Waypoints:
                     f'waypoints.times: {yaml_text(time)} follows {yaml_text(before)}; expected '
                     'times that ascend'
                 )
-        count, expected = len(values['points']), len(times) * len(axes)
+        count, expected = len(values['points']), len(times) * len(own)
         if count != expected:
             raise InputError(
                 f'waypoints.points: {count} numbers; expected {expected}, for each of '
-                f'{len(times)} times one of {", ".join(axis.name for axis in axes)}'
+                f'{len(times)} times one of {", ".join(own)}'
             )
-        return cls(values)
+        if rotation is None:
+            return cls(values)
+        if len(quaternions) != 4 * len(times):
+            raise InputError(
+                f'waypoints.quaternions: {len(quaternions)} numbers; expected {4 * len(times)}, '
+                f'x, y, z, w for each of {len(times)} times'
+            )
+        start = np.array(mechanism.default('line_sine.offset', 'axes')[rotation.axes])
+        numbers = np.array(quaternions, dtype=np.float64).reshape(len(times), -1)
+        vectors = continued_vectors(numbers, start, 'waypoint')
+        points: Array = np.array(values['points'], dtype=np.float64).reshape(len(times), -1)
+        points = np.insert(points, [rotation.first] * rotation.size, vectors, axis=1)
+        return cls({**values, 'points': points})
 
     def sample(self, times: Array) -> Array:
         """Return (n, 3 axes) samples at times (n) in s."""
-        return _sample(self._times, self._knots, times)
+        return sample_knots(self._times, self._knots, times)
 
 
 @kernel
-def _pass_through(times: Array, knots: Array) -> None:
+def smooth_knots(times: Array, knots: Array) -> None:
     """
     Write velocity and acceleration into knots (n, 3 axes) that have positions.
 
@@ -127,7 +153,8 @@ def _pass_through(times: Array, knots: Array) -> None:
 
 
 @kernel
-def _sample(times: Array, knots: Array, at: Array) -> Array:
+def sample_knots(times: Array, knots: Array, at: Array) -> Array:
+    """Return samples (k, 3 axes) at times `at` (k) of knots (n, 3 axes) at their times (n)."""
     last, axes = len(times) - 1, knots.shape[1] // 3
     out = np.empty((len(at), 3 * axes))
     for k in range(len(at)):
@@ -157,3 +184,14 @@ def _sample(times: Array, knots: Array, at: Array) -> Array:
             out[k, axes + j] = velocity
             out[k, 2 * axes + j] = acceleration
     return out
+
+
+def stopped(position: Array, velocity: Array, acceleration: Array, duration: float) -> Array:
+    """
+    Return the positions (k) at which a motion is at rest after a duration in s.
+
+    The motion starts with these positions, velocities and accelerations (k). It is the polynomial
+    of degree four; one of degree five would overshoot.
+    """
+    rest: Array = position + 0.5 * duration * velocity + duration**2 / 12.0 * acceleration
+    return rest

@@ -17,8 +17,10 @@ from typing import NamedTuple
 from masmc_ros.aliases import Array
 from masmc_ros.log.read.decode import Series
 from masmc_ros.log.read.reader import Run
+from masmc_ros.report.measure.adaptation import Adaptation
+from masmc_ros.report.measure.table import DIGITS, number
 from masmc_ros.report.measure.tracking import Compared, Tracking
-from masmc_ros.robot.declaration import Mechanism, Point
+from masmc_ros.robot.declaration import Mechanism, Point, Quantity
 import numpy as np
 
 COLOURS = ('blue', 'vermillion', 'green', 'purple', 'orange', 'sky', 'ink')
@@ -26,11 +28,13 @@ COLOURS = ('blue', 'vermillion', 'green', 'purple', 'orange', 'sky', 'ink')
 
 INK = COLOURS[-1]
 
-_SOLID = 4
-"""Number of solid lines of a panel."""
+DASHES = 'solid', 'dash', 'dashdot', 'longdash', 'longdashdot', 'dot'
+"""Dashes of successive lines, which distinguish them in grey as well."""
 
-_DASHES = 'dash', 'dot', 'dashdot'
-"""Dashes of further lines."""
+MULTIPLES = 14
+"""Maximum number of parameters with estimates in a panel, or with panels of their own."""
+
+_SUBSCRIPTS = str.maketrans('0123456789', '₀₁₂₃₄₅₆₇₈₉')
 
 _LOWEST = 2.0
 """Percentile of a line at the start of a logarithmic axis, above zero crossings and starts."""
@@ -43,13 +47,14 @@ _Subject = tuple[str, str, Callable[[Compared], _Vectors | None]]
 
 
 class Line(NamedTuple):
-    """Line through points (x, y), with its name in the legend."""
+    """Line through points (x, y), with its name in the legend and a short result, or none."""
 
     name: str
     x: Array
     y: Array
     colour: str
     dash: str = 'solid'
+    result: str = ''
 
 
 class Panel(NamedTuple):
@@ -66,6 +71,10 @@ class Panel(NamedTuple):
         Quantity of the ordinate with its unit.
     lines
         Lines; times are in s from the first state.
+    level
+        Ordinate of a horizontal line to which the lines are compared; None without one.
+    has_peaks
+        Whether the range of the ordinate ignores short peaks, which are given as numbers.
 
     """
 
@@ -73,6 +82,8 @@ class Panel(NamedTuple):
     title: str
     quantity: str
     lines: list[Line]
+    level: float | None = None
+    has_peaks: bool = False
 
 
 def logarithmic_range(panel: Panel) -> tuple[float, float] | None:
@@ -95,13 +106,8 @@ def lines(names: Sequence[str], times: Array, values: Array) -> list[Line]:
 
 
 def _style(number: int) -> tuple[str, str]:
-    """
-    Return colour and dash of a line.
-
-    From the fifth line they are dashed, as more colours are hard to distinguish.
-    """
-    dash = 'solid' if number < _SOLID else _DASHES[number // len(COLOURS) % len(_DASHES)]
-    return COLOURS[number % len(COLOURS)], dash
+    """Return colour and dash of a line; both differ between successive lines."""
+    return COLOURS[number % len(COLOURS)], DASHES[number % len(DASHES)]
 
 
 def error_panel(tracked: Tracking, point: Point, names: Sequence[str]) -> Panel:
@@ -120,15 +126,62 @@ def path_panel(run: Run, tracked: Tracking) -> Panel:
     if tracked.actual is None or not run.mechanism.places:
         pose, _ = run.mechanism.formulas.base_motion(run.position, run.velocity)
         drawn.append(Line(run.mechanism.origin, pose[:, 0], pose[:, 1], 'green'))
-    for number, (point, colour) in enumerate(zip(run.mechanism.places, COLOURS, strict=False)):
+    drawn += place_lines(run.mechanism.places, tracked.actual, tracked.desired)
+    is_in_space = any(point.size > 2 for point in run.mechanism.places)
+    title = 'Paths in top view, without z' if is_in_space else 'Paths in the plane'
+    return Panel('path', title, '<i>y</i> (m)', drawn)
+
+
+def place_lines(
+    places: Sequence[Point], actual: Array | None, desired: Array | None
+) -> list[Line]:
+    """
+    Return the actual and desired paths of points in the plane, where they are known.
+
+    Parameters
+    ----------
+    places
+        Points with a position.
+    actual, desired
+        Task coordinates (n, axes) in m and rad.
+
+    """
+    drawn = []
+    for place, (point, colour) in enumerate(zip(places, COLOURS, strict=False)):
         for kind, values, tone, dash in (
-            ('actual', tracked.actual, colour, 'solid'),
-            ('desired', tracked.desired, INK, 'dot' if number else 'dash'),
+            ('actual', actual, colour, 'longdash' if place else 'solid'),
+            ('desired', desired, INK, 'dot' if place else 'dash'),
         ):
             if values is not None:
-                x, y = values[:, point.axes].T
+                x, y = values[:, point.plane].T
                 drawn.append(Line(f'{point.symbol} {kind}', x, y, tone, dash))
-    return Panel('path', 'Paths in the plane', '<i>y</i> (m)', drawn)
+    return drawn
+
+
+def signal_panels(
+    title: str, times: Array, values: Array, names: Sequence[str], units: Sequence[str]
+) -> list[Panel]:
+    """
+    Return the components of a signal over time, a panel for each unit.
+
+    Parameters
+    ----------
+    title
+        Name of the signal.
+    times
+        (n) in s.
+    values
+        (n, components).
+    names, units
+        (components).
+
+    """
+    panels = []
+    for unit in dict.fromkeys(units):
+        shown = [i for i, other in enumerate(units) if other == unit]
+        drawn = lines([names[i] for i in shown], times, values[:, shown])
+        panels.append(Panel(title, title, f'{title} ({unit})', drawn))
+    return panels
 
 
 def comparison_panels(compared: Sequence[Compared]) -> list[Panel]:
@@ -139,14 +192,75 @@ def comparison_panels(compared: Sequence[Compared]) -> list[Panel]:
     commanded velocities. Each panel has a line for each run, which is empty without data.
     """
     panels = []
-    for number, (title, quantity, vectors) in enumerate(_subjects(compared)):
+    for place, (title, quantity, vectors) in enumerate(_subjects(compared)):
         drawn = []
-        for place, entry in enumerate(compared):
+        for run, entry in enumerate(compared):
             times, values = vectors(entry) or (np.zeros(0), np.zeros((0, 1)))
             norm = np.linalg.norm(values, axis=1)
-            drawn.append(Line(escape(entry.label), times, norm, *_style(place)))
-        panels.append(Panel(f'comparison_{number}', title, quantity, drawn))
+            drawn.append(Line(escape(entry.label), times, norm, *_style(run)))
+        panels.append(Panel(f'comparison_{place}', title, quantity, drawn))
     return panels
+
+
+def adaptation_panels(adapted: Sequence[tuple[str, Adaptation | None]]) -> list[Panel]:
+    """
+    Return the ratios of the estimates to their values, a panel for each parameter.
+
+    Runs with values of the plant and runs with nominal ones have separate panels. A line for each
+    run with estimates has its final error as its result.
+
+    Parameters
+    ----------
+    adapted
+        Name and adaptation of every run; None for a run without estimates.
+
+    """
+    panels: list[Panel] = []
+    for is_true in (True, False):
+        members = [
+            (place, label, entry)
+            for place, (label, entry) in enumerate(adapted)
+            if entry is not None and entry.is_true == is_true
+        ]
+        kind = 'true' if is_true else 'nominal'
+        for quantity in _most_moved([entry for _, _, entry in members]):
+            drawn, values = [], []
+            for place, label, entry in members:
+                if quantity in entry.quantities:
+                    column = entry.quantities.index(quantity)
+                    drawn.append(Line(
+                        escape(label), entry.times, entry.ratios[:, column], *_style(place),
+                        percent(entry.final_errors[column]),
+                    ))  # fmt: skip
+                    values.append(f'{entry.values[column]:.3g}')
+            numbers = ' or '.join(dict.fromkeys(values))
+            title = f'{plain_symbol(quantity)}: {kind} {numbers} {quantity.unit}'
+            name = f'adaptation_{len(panels)}'
+            panels.append(Panel(name, title, f'estimate / {kind}', drawn, level=1.0))
+    return panels
+
+
+def percent(error: float) -> str:
+    """Return an error in percent with its sign, such as −12.3 %."""
+    sign = '−' if error < 0.0 else '+'
+    return f'{sign}{number(abs(error), DIGITS)} %'
+
+
+def plain_symbol(quantity: Quantity) -> str:
+    """Return the symbol of a parameter with its subscript, without HTML."""
+    base, _, index = (quantity.symbol or quantity.name).partition('_')
+    return base + index.translate(_SUBSCRIPTS) if not index or index.isdecimal() else quantity.name
+
+
+def _most_moved(adapted: Sequence[Adaptation]) -> list[Quantity]:
+    """Return the parameters of some runs, of many those whose estimates move most."""
+    moves: dict[Quantity, float] = {}
+    for entry in adapted:
+        spans = np.nan_to_num(np.ptp(entry.ratios, axis=0)).tolist()
+        for quantity, span in zip(entry.quantities, spans, strict=True):
+            moves[quantity] = max(span, moves.get(quantity, 0.0))
+    chosen = sorted(moves, key=lambda quantity: -moves[quantity])[:MULTIPLES]
+    return [quantity for quantity in moves if quantity in chosen]
 
 
 def _subjects(compared: Sequence[Compared]) -> Iterator[_Subject]:

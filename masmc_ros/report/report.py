@@ -15,6 +15,7 @@ from masmc_ros.log.read.reader import Run
 from masmc_ros.log.recover.overlap import check_apart
 from masmc_ros.output_files import check_folder, make_folder, write_file
 from masmc_ros.report.draw.figures import draw_figures
+from masmc_ros.report.draw.style import FORMATS
 from masmc_ros.report.manifest import (
     Entry,
     entry,
@@ -23,6 +24,7 @@ from masmc_ros.report.manifest import (
     remove_stale,
     write_manifest,
 )
+from masmc_ros.report.measure.differences import run_names
 from masmc_ros.report.measure.labels import labels
 from masmc_ros.report.measure.metrics import Metrics, metrics
 from masmc_ros.report.measure.table import csv_table, markdown_table, text_table
@@ -42,7 +44,13 @@ class Report(NamedTuple):
 
 
 @np.errstate(over='ignore', invalid='ignore')  # distances of a diverged run may be infinite
-def write_report(runs: Sequence[Run], directory: str | Path) -> Report:
+def write_report(
+    runs: Sequence[Run],
+    directory: str | Path,
+    file_format: str = 'png',
+    *,
+    has_all_figures: bool = True,
+) -> Report:
     """
     Write metrics and figures of runs, and of all of them together, into a folder.
 
@@ -55,6 +63,10 @@ def write_report(runs: Sequence[Run], directory: str | Path) -> Report:
         at least one run.
     directory
         the folder.
+    file_format
+        format of the figures, one of FORMATS.
+    has_all_figures
+        whether every run has figures of its own, also of many runs.
 
     Returns
     -------
@@ -69,15 +81,13 @@ def write_report(runs: Sequence[Run], directory: str | Path) -> Report:
     """
     if not runs:
         raise InputError('no runs to report; expected at least one log')
-    compared = [
-        Compared(label, run, tracking(run)) for label, run in zip(labels(runs), runs, strict=True)
-    ]
-    reached = [metrics(entry.run, tracked=entry.tracked) for entry in compared]
-    rows = {entry.label: row for entry, row in zip(compared, reached, strict=True)}
+    compared, reached = _measured(runs)
+    # Files with numbers name runs by law and file, as their readers expect.
+    rows = dict(zip(labels(runs), reached, strict=True))
     directory = Path(directory)
     make_folder(directory)
     tables = {name: table(rows).encode() for name, table in _TABLES.items()}
-    figures = dict(draw_figures(compared, reached))
+    figures = dict(draw_figures(compared, reached, file_format, has_all=has_all_figures))
     files = {_PAGE: report_page(compared, reached).encode(), **tables, **figures}
     earlier = read_manifest(directory)
     written: list[Entry] = []
@@ -95,10 +105,24 @@ def write_report(runs: Sequence[Run], directory: str | Path) -> Report:
     return Report(paths, rows)
 
 
+@np.errstate(over='ignore', invalid='ignore')  # as above
+def write_page(run: Run, path: Path) -> None:
+    """Write the page of a run alone, without figures; InputError as for `write_report`."""
+    write_file(path, report_page(*_measured([run])).encode())
+
+
+def _measured(runs: Sequence[Run]) -> tuple[list[Compared], list[Metrics]]:
+    """Return runs with their names, and their metrics."""
+    compared = [
+        Compared(name, run, tracking(run)) for name, run in zip(run_names(runs), runs, strict=True)
+    ]
+    return compared, [metrics(entry.run, tracked=entry.tracked) for entry in compared]
+
+
 def check_report(logs: Sequence[str], directory: str | Path) -> None:
     """Raise InputError if a report of logs cannot be written there, before they are read."""
     directory = Path(directory)
     check_apart([directory], logs)
     check_folder(directory)
-    figures = directory.glob('*.png')
+    figures = (path for suffix in FORMATS for path in directory.glob(f'*.{suffix}'))
     check_apart([*(directory / name for name in (_PAGE, *_TABLES, MANIFEST)), *figures], logs)

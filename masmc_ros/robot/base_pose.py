@@ -15,8 +15,16 @@ from numpy.typing import NDArray
 OLDEST_POSE_NS = 100_000_000
 """Largest age in ns of odometry that is extrapolated to a joint state."""
 
-_FLAT = 1e-3
-"""Largest tilt, as the sine of half its angle, and largest error of a quaternion's length."""
+_LENGTH_ERROR = 1e-3
+"""Largest error of a quaternion's length."""
+
+MOST_TILT = 5.0
+"""
+Largest tilt in degrees of a base on an uneven floor.
+
+The projection onto the plane shortens a distance by 1 - cos(5 degrees) = 0.4 %. Ramps and bumps
+tilt a base by a few degrees; a larger tilt is a wrong quaternion or a robot that fell over.
+"""
 
 _JUMP = 0.01
 """Distance in m and angle in rad by which a pose jumps; smaller steps belong to its noise."""
@@ -128,15 +136,18 @@ class BasePose:
 
 
 def planar_pose(pose: NDArray[np.float64], topic: str) -> Pose:
-    """Return x, y and yaw of a pose (7) on the ground; raise InputError for any other one."""
+    """Return x, y and yaw of a pose (7), without its small tilt; raise InputError otherwise."""
     if not np.isfinite(pose).all():
         raise InputError(f'{topic}: a number of the pose or of the twist is not finite')
     x, y, z, w = pose[3:].tolist()
     text = f'{topic}: quaternion [{x:g}, {y:g}, {z:g}, {w:g}]'
-    if abs(math.sqrt(x * x + y * y + z * z + w * w) - 1.0) > _FLAT:
+    if abs(math.sqrt(x * x + y * y + z * z + w * w) - 1.0) > _LENGTH_ERROR:
         raise InputError(f'{text} has not length 1')
-    if math.hypot(x, y) > _FLAT:
-        raise InputError(f'{text} tilts the platform; it takes a rotation about z')
+    tilt = math.degrees(2.0 * math.asin(min(1.0, math.hypot(x, y))))
+    if tilt > MOST_TILT:
+        raise InputError(
+            f'{text} tilts the platform by {tilt:.3g} degrees; expected at most {MOST_TILT:g}'
+        )
     return float(pose[0]), float(pose[1]), 2.0 * math.atan2(z, w)
 
 

@@ -18,9 +18,9 @@ from importlib.util import find_spec
 import math
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
-from masmc_ros.aliases import Array, Numbers
+from masmc_ros.aliases import Array, Flags, Numbers
 from masmc_ros.errors import InputError
 from masmc_ros.params.declaration import MutableValues, Parameter
 import numpy as np
@@ -89,7 +89,8 @@ class Point(NamedTuple):
     """
     Group of neighbouring task axes of one unit, for reports.
 
-    Usually it is a point that follows a path in the plane: two axes, x and then y.
+    Usually it is a point that follows a path: its axes are x and y, and z in space. The points of
+    a mechanism contain every task axis once.
     """
 
     symbol: str
@@ -105,12 +106,19 @@ class Point(NamedTuple):
     unit: str = 'm'
     """m or rad."""
     is_place: bool = True
-    """True if they are x and y, which give a path to draw."""
+    """True if they are x and y, or x, y and z, which give a path to draw."""
+    is_rotation: bool = False
+    """True if they are the rotation of a frame, whose errors are sines of angles."""
 
     @property
     def axes(self) -> slice:
         """Return the slice of its axes in a vector of task axes."""
         return slice(self.first, self.first + self.size)
+
+    @property
+    def plane(self) -> slice:
+        """Return the slice of x and y of a place in a vector of task axes."""
+        return slice(self.first, self.first + 2)
 
     @property
     def small_unit(self) -> str:
@@ -121,6 +129,11 @@ class Point(NamedTuple):
 def symbols_of(points: Iterable[Point]) -> str:
     """Return the symbols of points as a text lists them."""
     return listed([point.symbol for point in points])
+
+
+def units_of(points: Iterable[Point]) -> tuple[str, ...]:
+    """Return the units of points, each once."""
+    return tuple(dict.fromkeys(point.unit for point in points))
 
 
 def listed(names: Sequence[str]) -> str:
@@ -231,7 +244,7 @@ class Mechanism:
     twist
         Velocities of the base with commanded rates.
     points
-        Points of reports; those in the plane have a drawn path.
+        Points of reports, which contain every task axis once; places have a drawn path.
     groups
         Groups of joints in figures.
     frames
@@ -263,6 +276,8 @@ class Mechanism:
         True if odometry can replace the base positions.
     speed_settings
         Checked values of SPEED_LIMITS.
+    notes
+        Parts of the description of the robot that the model does not follow, a sentence each.
 
     """
 
@@ -288,6 +303,7 @@ class Mechanism:
     singular: str = 'its task cannot be inverted'
     is_planar: bool = False
     speed_settings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @property
     def choice(self) -> MutableValues:
@@ -370,6 +386,54 @@ class Mechanism:
         lower, upper = self._limit('lower', -math.inf), self._limit('upper', math.inf)
         return tuple(zip(lower, upper, strict=True))
 
+    def at_range_ends(self, position: Array) -> Flags:
+        """
+        Return True for the joints that stop at the ends of their ranges.
+
+        Parameters
+        ----------
+        position
+            Positions (n, joints) in rad or m.
+
+        Returns
+        -------
+            (n, joints); always False for types of robots whose motion ignores the ranges.
+
+        """
+        return np.zeros(position.shape, dtype=np.bool_)
+
+    def range_ends_text(self, at_end: Flags) -> str:
+        """Return a text on the joints (joints) at the ends of their ranges."""
+        names = [joint.name for joint, is_at_end in zip(self.joints, at_end, strict=True)
+                 if is_at_end]  # fmt: skip
+        place = 'ends of their ranges' if len(names) > 1 else 'end of its range'
+        return f'{listed(names)} at the {place}'
+
+    def details(self, start: Array) -> Mapping[str, Any]:
+        """Return further facts about the robot at a start (joints), by keys of `masmc robot`."""
+        return {}
+
+    def start_warnings(self, start: Array, torque_limits: Sequence[float]) -> list[str]:
+        """
+        Return a text for each reason why a run from a start fails or is inaccurate.
+
+        Parameters
+        ----------
+        start
+            Positions of the joints (joints) in rad or m.
+        torque_limits
+            Limits of the joints in N·m or N; 0: no limit.
+
+        """
+        outside = [
+            joint.name
+            for joint, at, (lower, upper) in zip(
+                self.joints, start, self.position_limits, strict=True
+            )
+            if not lower <= at <= upper
+        ]
+        return [f'outside of its limits at the start: {", ".join(outside)}'] if outside else []
+
     def _limit(self, name: str, otherwise: float) -> Numbers:
         """Return a limit of every joint; `otherwise` for all if no joint has one."""
         limit = self.joint_limits.get(name)
@@ -412,6 +476,29 @@ class Mechanism:
 
 _KNOWN: dict[str, Mechanism] = {}
 """Mechanisms by tag."""
+
+
+def check_points(mechanism: Mechanism) -> None:
+    """Raise InputError unless the points contain every task axis once, each in its unit."""
+    points, start = mechanism.points, f'robot.mechanism = {mechanism.name}'
+    for number, axis in enumerate(mechanism.axes):
+        owners = [point for point in points if point.axes.start <= number < point.axes.stop]
+        if len(owners) != 1:
+            raise InputError(
+                f'{start}: {len(owners)} of its points contain the task axis {axis.name}; '
+                'expected one, so reports evaluate each axis once'
+            )
+        if owners[0].unit != axis.unit:
+            raise InputError(
+                f'{start}: its point {owners[0].name} in {owners[0].unit} contains the task axis '
+                f'{axis.name} in {axis.unit}; expected a point for each unit'
+            )
+    for point in points:
+        if point.is_place and point.size not in (2, 3):
+            raise InputError(
+                f'{start}: its point {point.name} is a place with {point.size} axes; expected x '
+                'and y, or x, y and z'
+            )
 
 
 def register(mechanism: Mechanism) -> Mechanism:

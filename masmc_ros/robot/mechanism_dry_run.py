@@ -27,7 +27,7 @@ from masmc_ros.jit.field import Field, field_of
 from masmc_ros.jit.generated import is_generated
 from masmc_ros.jit.record import fill, new_record
 from masmc_ros.jit.sources import closure, files_of
-from masmc_ros.mistakes import MistakeError, one_line
+from masmc_ros.mistakes import MistakeError, place_and_text
 from masmc_ros.params.declaration import Values
 from masmc_ros.robot.declaration import Mechanism, Outline
 import numpy as np
@@ -127,7 +127,7 @@ def run_dry(mechanism: Mechanism, values: Values) -> None:
         with interpreted(), np.errstate(all='ignore'):
             _run(mechanism, values)
     except Exception as error:  # of formulas with any mistake
-        line = one_line(error, files, ', '.join(sorted(own)))
+        line = place_and_text(error, files, ', '.join(sorted(own)))
         raise InputError(f'robot.mechanism = {mechanism.name}: {line}') from error
 
 

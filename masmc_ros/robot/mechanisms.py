@@ -10,6 +10,8 @@ separate package.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+import copyreg
 from dataclasses import replace
 from functools import cache, lru_cache
 from typing import cast
@@ -17,7 +19,7 @@ from typing import cast
 from masmc_ros.errors import InputError
 from masmc_ros.params.declaration import Parameter, Values
 from masmc_ros.params.plug_ins import load_plug_in, plugged_in
-from masmc_ros.robot.declaration import Mechanism, register, SPEED_LIMITS, URDF
+from masmc_ros.robot.declaration import check_points, Mechanism, register, SPEED_LIMITS, URDF
 from masmc_ros.robot.two_link.paper_robot import TWO_LINK
 
 DEFAULT = TWO_LINK
@@ -48,6 +50,7 @@ def load(name: str) -> Mechanism:
         raise InputError(
             f'{NAME} = {name}: found {name_of_plug_in}, expected a Mechanism of this name'
         )
+    check_points(mechanism)
     return register(mechanism)
 
 
@@ -69,6 +72,14 @@ def mechanism_from(values: Values) -> Mechanism:
     checked = SPEED_LIMITS.check(values.get(SPEED_LIMITS.name, ()))
     settings = cast(tuple[str, ...], checked)
     return _limited(mechanism, settings) if settings else mechanism
+
+
+def _pickled(mechanism: Mechanism) -> tuple[Callable[..., Mechanism], tuple[Values]]:
+    return mechanism_from, (mechanism.choice,)
+
+
+# Formulas are modules or bound methods; copies and other processes have the same object.
+copyreg.pickle(Mechanism, _pickled)
 
 
 @lru_cache(maxsize=16)

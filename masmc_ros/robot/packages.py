@@ -23,6 +23,10 @@ _INDEX = Path('share/ament_index/resource_index/packages')
 """Of a prefix: a file for each package, which then is in share/."""
 
 
+_OF_PIP = {'example-robot-data': 'example-robot-data', 'stretch_urdf': 'hello-robot-stretch-urdf'}
+"""Packages of robots that pip installs, by the name in URIs: those of the installed files."""
+
+
 def resource_path(uri: str, folder: Path | None = None) -> Path:
     """
     Return the path of a URI, which need not exist.
@@ -30,7 +34,7 @@ def resource_path(uri: str, folder: Path | None = None) -> Path:
     Parameters
     ----------
     uri
-        `package://NAME/path`, `file:///path`, or a path.
+        `package://NAME/path`, `file:///path`, or a path, which may start with `~`.
     folder
         Folder of relative paths; None for the current one. For a mesh it is the folder of the
         description.
@@ -43,13 +47,15 @@ def resource_path(uri: str, folder: Path | None = None) -> Path:
     """
     scheme, separator, relative = uri.partition('://')
     if not separator:
-        return (folder or Path()) / uri
+        return (folder or Path()) / os.path.expanduser(uri)
     if scheme == 'file':
         return Path(unquote(relative))
     name, _, path = relative.partition('/')
     if scheme != 'package' or not name:
         raise InputError(f'{uri}: expected package://NAME/PATH, file:///PATH or a path')
     package_folder = next(_folders(name), None)
+    if package_folder is None and name in _OF_PIP:
+        raise InputError(f"{uri}: no package '{name}'; pip install {_OF_PIP[name]}")
     if package_folder is None:
         raise InputError(
             f"{uri}: no package '{name}' in the ament indices of AMENT_PREFIX_PATH"

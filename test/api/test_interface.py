@@ -5,8 +5,12 @@
 
 from __future__ import annotations
 
+import copy
 import json
+import multiprocessing
 from pathlib import Path
+import pickle
+import re
 import shlex
 import subprocess
 import sys
@@ -16,6 +20,7 @@ from helpers.campaigns import PAPER
 from helpers.small_tree import hand_at_start, write_scenario
 import masmc_ros as masmc
 from masmc_ros.api.settings import settings_of
+from masmc_ros.campaign.runs import WORTH_LANES
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
 from masmc_ros.law import registry
@@ -120,6 +125,14 @@ def test_import_of_package_imports_no_interface() -> None:
     assert done.stdout == 'False\n'
 
 
+def test_types_name_every_function() -> None:
+    """Type checkers and editors read the stub instead of the functions imported on demand."""
+    stub = (Path(masmc.__file__).parent / '__init__.pyi').read_text(encoding='utf-8')
+    exported = set(re.findall(r'^from \S+ import (\w+) as \1$', stub, re.MULTILINE))
+    names = (name for name in dir(masmc) if not name.startswith('_') and name not in vars(masmc))
+    assert exported == set(names)
+
+
 @pytest.mark.slow
 def test_run_has_signals_and_metrics_of_simulation() -> None:
     run = masmc.simulate(PAPER, k_s1=150, duration=0.3)
@@ -127,7 +140,7 @@ def test_run_has_signals_and_metrics_of_simulation() -> None:
     (block,) = Simulation(scenario).run()
     for name in ('position', 'torque', 'error', 'estimate', 'reference'):
         np.testing.assert_array_equal(getattr(run, name), getattr(block, name))
-    assert run.time[-1] == pytest.approx(0.3)
+    assert run.times[-1] == pytest.approx(0.3)
     assert 'torque variation' in repr(run)
     assert 'torque' in dir(run)
     with pytest.raises(AttributeError, match='no signal'):
@@ -139,7 +152,15 @@ def test_run_has_signals_and_metrics_of_simulation() -> None:
     data = run.to_xarray()
     np.testing.assert_array_equal(data['torque'].values, run.torque)
     assert data['torque'].attrs['units'] == 'N·m'
+    assert data['error'].attrs['units'] == 'm'
+    assert data['position']['position_unit'].values.tolist() == ['m', 'm'] + ['rad'] * 5
+    assert all('*' not in unit for name in run.signals for unit in run.units(name))
+    assert table.schema.field('error_x_E').metadata == {b'unit': b'm'}
     assert data['error_component'].values.tolist() == list(run.components('error'))
+    frame = run.to_pandas()
+    assert frame.index.name == 'time'
+    assert frame['torque_arm_joint_1'].tolist() == run.torque[:, 2].tolist()
+    assert run._repr_html_().startswith('<table>')
     with pytest.raises(InputError, match='tip: no point of the robot; expected one of end_effect'):
         run.plot.errors('tip')
 
@@ -151,6 +172,21 @@ def test_plot_has_the_errors_of_the_run() -> None:
         upper = run.plot.errors(point.key).axes[0]
         drawn = np.array([line.get_ydata() for line in upper.get_lines()[1:]])
         np.testing.assert_allclose(drawn, 1e3 * run.error[:, 2 * number:2 * number + 2].T)
+
+
+@pytest.mark.slow
+def test_plots_have_the_signals_of_the_run() -> None:
+    run = masmc.simulate(PAPER, duration=0.5)
+    torques = run.plot.torques().axes[0]
+    drawn = np.array([line.get_ydata() for line in torques.get_lines()[1:]])
+    np.testing.assert_array_equal(drawn, run.torque.T)
+    assert torques.get_legend().get_texts()[0].get_text() == 'wheel_right'
+    assert len(run.plot.surface().axes[0].get_lines()) == 5
+    # A panel for each unit: kg, kg·m² and kg·m.
+    assert len(run.plot.estimates().axes) == 3
+    actual, desired = run.plot.path().axes[0].get_lines()[:2]
+    np.testing.assert_array_equal(desired.get_xdata(), run.reference[:, 0])
+    np.testing.assert_allclose(actual.get_xdata() - desired.get_xdata(), run.error[:, 0])
 
 
 @pytest.mark.slow
@@ -200,6 +236,58 @@ def test_read_returns_the_logged_run(tmp_path: Path) -> None:
     run, logged = masmc.simulate('paper', duration=0.3), masmc.read(log)
     np.testing.assert_array_equal(logged.position, run.position)
     np.testing.assert_array_equal(logged.torque.values, run.torque)
+    # Stamps are whole nanoseconds.
+    np.testing.assert_allclose(logged.times, run.times, rtol=0.0, atol=1e-9)
+    for one, name, place in (
+        (logged, 'error', r"run\.telemetry\['error'\]"),
+        (logged, 'applied', 'applied_effort'),
+        (logged, 'time', 'no attribute of a logged run'),
+        (run, 'applied_effort', 'its name here is `applied`'),
+        (run, 'time', 'known are times,'),
+    ):
+        with pytest.raises(AttributeError, match=place):
+            getattr(one, name)
+    assert copy.deepcopy(logged).times[-1] == logged.times[-1]
+
+
+@pytest.mark.parametrize('context', ['copy', 'pickle', 'spawn'])
+@pytest.mark.slow
+def test_copies_of_scenario_metrics_and_rows_are_equal(context: str) -> None:
+    scenario = masmc.load(PAPER, k_s1=150)
+    draws = {'plant.robot.link_2_mass': 'uniform:0.6:1.4'}
+    originals = [
+        scenario,
+        scenario.robot.values,
+        masmc.simulate(scenario, duration=0.05).metrics,
+        masmc.monte_carlo(PAPER, draws, runs=2, duration=0.05),
+    ]
+    if context == 'spawn':
+        with multiprocessing.get_context(context).Pool(1) as pool:
+            copies = pool.map_async(copy.copy, originals).get(120)
+    elif context == 'pickle':
+        copies = [pickle.loads(pickle.dumps(original)) for original in originals]
+    else:
+        copies = [copy.deepcopy(original) for original in originals]
+    assert [repr(value) for value in copies] == [repr(value) for value in originals]
+    assert copies[0] == scenario
+    assert copies[0].values == scenario.values
+    assert copies[3].equals(originals[3])
+    again = masmc.simulate(copies[0], duration=0.05)
+    assert repr(again.metrics) == repr(originals[2])
+
+
+def test_simulated_run_inactive_at_start_covers_window() -> None:
+    run = masmc.simulate(PAPER, {'controller.active_on_start': False}, duration=0.1)
+    assert run.metrics.errors is not None
+    assert run.metrics.errors.share == 1.0
+    assert '(only' not in repr(run)
+
+
+@pytest.mark.slow
+def test_monte_carlo_runs_without_lanes_warns() -> None:
+    draws = {'control_period': 'uniform:0.001:0.002'}
+    with pytest.warns(UserWarning, match='control_period: law, timing or path differ'):
+        masmc.monte_carlo(PAPER, draws, runs=WORTH_LANES, duration=0.004)
 
 
 @pytest.mark.slow

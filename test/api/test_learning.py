@@ -5,11 +5,15 @@
 
 from __future__ import annotations
 
+import copy
+import multiprocessing
+import pickle
 from typing import Any
 import warnings
 
 import gymnasium
-from gymnasium.utils.env_checker import check_env
+from gymnasium.error import ClosedEnvironmentError, ResetNeeded
+from gymnasium.utils.env_checker import check_env, data_equivalence
 from helpers.campaigns import PAPER
 import masmc_ros as masmc
 from masmc_ros.api.learning import ENVIRONMENT, MobileManipulator, MobileManipulators
@@ -83,7 +87,7 @@ def test_torques_of_law_give_its_run_bitwise(settings: dict[str, Any]) -> None:
     assert isinstance(robots, MobileManipulator)
     observation, _ = env.reset(seed=0)
     names = 'error', 'position', 'velocity', 'reference', 'true_position', 'true_velocity', 'age'
-    last = len(run.time) - 1
+    last = len(run.times) - 1
     for tick, torque in enumerate(run.torque):
         for name in names:
             state = robots.episodes.signal(name).ravel()
@@ -169,3 +173,134 @@ def test_divergence_ends_episode_and_never_pays() -> None:
         envs.step(np.array([[0.0] * 4, [np.nan] * 4]))
     with pytest.raises(InputError, match=r'action: shape \(3,\); expected \(2, 4\) torques'):
         envs.step(np.zeros(3))
+
+
+@pytest.mark.parametrize(
+    'copied',
+    [copy.deepcopy, lambda value: pickle.loads(pickle.dumps(value))],
+    ids=['deepcopy', 'pickle'],
+)
+@pytest.mark.slow
+def test_copies_of_environments_and_runs_are_equal(copied: Any) -> None:
+    env = gymnasium.make(ENVIRONMENT, scenario=PAPER, settings=EFFECTS, duration=0.05)
+    env.reset(seed=1)
+    env.step(np.ones(4))
+    other = copied(env)
+    while True:
+        first, second = env.step(np.ones(4)), other.step(np.ones(4))
+        np.testing.assert_array_equal(first[0], second[0])
+        assert first[1:4] == second[1:4]
+        if first[3]:
+            break
+    assert first[4]['row'].keys() == second[4]['row'].keys()
+    run = masmc.simulate(PAPER, duration=0.05)
+    again = copied(run)
+    assert again.mechanism is run.mechanism
+    assert repr(again) == repr(run)
+    np.testing.assert_array_equal(again.torque, run.torque)
+
+
+def _torque(gain: float) -> Any:
+    return masmc.simulate(PAPER, duration=0.02, k_s1=gain)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('method', ['fork', 'spawn'])
+def test_pool_returns_runs_bitwise(method: str) -> None:
+    with multiprocessing.get_context(method).Pool(2) as pool:
+        runs = pool.map_async(_torque, [50.0, 100.0]).get(120)
+    for gain, run in zip((50.0, 100.0), runs, strict=True):
+        np.testing.assert_array_equal(run.torque, _torque(gain).torque)
+
+
+@pytest.mark.slow
+def test_picture_shows_robot_and_its_path() -> None:
+    env = gymnasium.make(ENVIRONMENT, scenario=PAPER, duration=0.5, render_mode='rgb_array')
+    env.reset(seed=0)
+    first: Any = env.render()
+    assert first.shape == (480, 640, 3)
+    assert first.dtype == np.uint8
+    assert len(np.unique(first.reshape(-1, 3), axis=0)) > 10
+    np.testing.assert_array_equal(first, env.render())
+    for _ in range(200):
+        env.step(np.full(4, 5.0))
+    assert not np.array_equal(first, env.render())
+    envs = _vector(2, scenario=PAPER, duration=0.05, render_mode='rgb_array')
+    envs.reset(seed=0)
+    pictures: Any = envs.render()
+    assert [picture.shape for picture in pictures] == [(480, 640, 3)] * 2
+    assert gymnasium.make(ENVIRONMENT, scenario=PAPER, render_mode=None).render_mode is None
+    with pytest.raises(InputError, match=r"render_mode = 'human': expected None or 'rgb_array'"):
+        MobileManipulator(PAPER, render_mode='human')
+
+
+@pytest.mark.slow
+def test_vector_environment_truncates_at_max_episode_steps() -> None:
+    envs = _vector(3, scenario=PAPER, duration=0.05, max_episode_steps=10)
+    envs.reset(seed=0)
+    for tick in range(10):
+        _, _, _, truncated, infos = envs.step(np.zeros((3, 4)))
+        assert truncated.tolist() == [tick == 9] * 3
+    assert 'row' not in infos
+    _, reward, _, truncated, infos = envs.step(np.zeros((3, 4)))
+    assert infos['drawn']['run'].tolist() == [3, 4, 5]
+    assert not truncated.any()
+    assert not reward.any()
+
+
+@pytest.mark.parametrize('mode', ['sync', 'async'])
+@pytest.mark.slow
+def test_vector_environment_equals_vector_of_single_ones(mode: str) -> None:
+    """Observations, rewards, ends and infos are equal, also after the ends of episodes."""
+    options: dict[str, Any] = {'scenario': PAPER, 'settings': EFFECTS, 'duration': 0.02}
+    envs = _vector(2, **options)
+    others = gymnasium.make_vec(ENVIRONMENT, num_envs=2, vectorization_mode=mode, **options)
+    try:
+        assert envs.single_action_space == others.single_action_space
+        assert envs.observation_space == others.observation_space
+        assert data_equivalence(envs.reset(seed=[3, 4]), others.reset(seed=[3, 4]), exact=True)
+        ends = 0
+        for torques in np.random.default_rng(1).uniform(-5.0, 5.0, (45, 2, 4)):
+            step, other = envs.step(torques), others.step(torques)
+            assert data_equivalence(step[:4], other[:4], exact=True)
+            # A row contains NaN, which data_equivalence takes for unequal.
+            np.testing.assert_equal(step[4], other[4])
+            ends += int(step[3].sum())
+        assert ends == 4
+    finally:
+        others.close()
+
+
+@pytest.mark.slow
+def test_reset_mask_restarts_chosen_robots_only() -> None:
+    envs, same = (_vector(3, scenario=PAPER, settings=EFFECTS, duration=0.05) for _ in range(2))
+    with pytest.raises(ResetNeeded, match='all robots in the first reset'):
+        envs.reset(options={'reset_mask': np.array([True, False, False])})
+    start, _ = envs.reset(seed=np.int64(4))
+    same.reset(seed=4)
+    for _ in range(10):
+        before = envs.step(np.ones((3, 4)))[0]
+        same.step(np.ones((3, 4)))
+    after, infos = envs.reset(
+        seed=[4, 8, 9], options={'reset_mask': np.array([True, False, False])}
+    )
+    np.testing.assert_array_equal(after[1:], before[1:])
+    np.testing.assert_array_equal(after[0], start[0])
+    assert infos['_drawn'].tolist() == [True, False, False]
+    observation = envs.step(np.ones((3, 4)))[0]
+    np.testing.assert_array_equal(observation[1:], same.step(np.ones((3, 4)))[0][1:])
+    with pytest.raises(InputError, match=r'reset_mask = \[1\]: expected 3 booleans'):
+        envs.reset(options={'reset_mask': [1]})
+
+
+@pytest.mark.parametrize('kind', [MobileManipulator, MobileManipulators])
+def test_step_before_reset_and_after_close_raise(kind: Any) -> None:
+    env = kind(scenario=PAPER, duration=0.05)
+    action = np.zeros(env.action_space.shape)
+    with pytest.raises(ResetNeeded, match='step: no episode has started'):
+        env.step(action)
+    env.close()
+    env.close()
+    for use in (lambda: env.step(action), env.reset):
+        with pytest.raises(ClosedEnvironmentError, match='the environment is closed'):
+            use()

@@ -21,6 +21,7 @@ from masmc_ros.api.scenario import Scenario
 from masmc_ros.campaign.axes import axis
 from masmc_ros.campaign.campaign import Campaign, campaign_of
 from masmc_ros.campaign.dataset import arrays, Dataset
+from masmc_ros.campaign.draws import draw
 from masmc_ros.campaign.engine import carry_out
 from masmc_ros.campaign.part import evaluated, metric_columns, rows
 from masmc_ros.campaign.threads import computed
@@ -29,7 +30,7 @@ from masmc_ros.errors import InputError
 from masmc_ros.loop.batch_simulation import BatchSimulation
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.params.scenario import load_scenario
-from masmc_ros.report.measure.metrics import Metrics, Samples
+from masmc_ros.report.measure.metrics import Metrics, MetricSamples
 import numpy as np
 from pyarrow import parquet
 import pytest
@@ -47,7 +48,7 @@ def metrics_of(settings: list[str]) -> tuple[Metrics, Simulation]:
     """Return the metrics of a single run as `masmc simulate` computes them."""
     simulation = Simulation(load_scenario(PAPER, settings))
     (block,) = simulation.run()
-    samples = Samples.of_ticks(
+    samples = MetricSamples.of_ticks(
         block.error, block.torque, simulation.timing.period,
         simulation.controller.mechanism.points, estimate=block.estimate[-1:],
     )  # fmt: skip
@@ -117,7 +118,7 @@ def test_runs_of_trees_are_computed_one_by_one(tmp_path: Path) -> None:
     assert campaign_with(64).lanes == 16
     (block,) = Simulation(next(many.runs(1, 1)).scenario).run()
     mechanism = many.mechanism
-    metrics = Samples.of_ticks(block.error, block.torque, 0.001, mechanism.points).metrics()
+    metrics = MetricSamples.of_ticks(block.error, block.torque, 0.001, mechanism.points).metrics()
     assert rows(many, 0, 2)['torque_rms'][1] == metrics.torque_rms
 
 
@@ -166,6 +167,47 @@ def test_different_laws_and_periods_are_computed_in_one_part() -> None:
         run = next(campaign.runs(number, 1))
         metrics, _ = metrics_of(shlex.split(campaign.command(run))[4::2])
         assert metrics.of('end_effector').rms == result['end_effector_rms'][number]
+
+
+@pytest.mark.parametrize(
+    'text', ['robot.link_2_mass=uniform:0.6:1.4', 'robot.link_2_length=uniform:0.84:0.9']
+)
+def test_runs_of_shared_parameter_fill_lanes(text: str) -> None:
+    """One batch computes them, and each equals the same run alone and `masmc simulate`."""
+    campaign = campaign_of(PAPER, SETTINGS, draws=[draw(text)], repeats=64)
+    runs = list(campaign.runs(0, 16))
+    BatchSimulation([run.scenario for run in runs])
+    together = evaluated(runs, 16)
+    assert together == evaluated(runs, 1)
+    metrics, _ = metrics_of(shlex.split(campaign.command(runs[5]))[4::2])
+    assert isinstance(together[5], Metrics)
+    assert together[5].of('end_effector').rms == metrics.of('end_effector').rms
+    assert campaign.notice == ''
+
+
+def test_reach_of_robot_in_any_lane_is_checked() -> None:
+    draws = [draw('robot.link_2_length=uniform:0.8:1.4')]
+    campaign = campaign_of(PAPER, SETTINGS, draws=draws, repeats=64)
+    with pytest.raises(InputError, match=r'run [0-9]+: trajectory: at t = .* outside its reach'):
+        rows(campaign, 0, 64)
+
+
+def test_runs_of_drawn_paths_equal_batches_and_are_announced(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    name = 'trajectory.line_sine.phase[0]'
+    campaign = campaign_of(PAPER, SETTINGS, draws=[draw(f'{name}=uniform:0:0.1')], repeats=64)
+    runs = list(campaign.runs(0, 6))
+    assert evaluated(runs, 16) == [evaluated([run], 16)[0] for run in runs]
+    assert f'{name}: law, timing or path differ between most runs' in campaign.notice
+    options = ['monte-carlo', PAPER, '--runs', '64', '--draw', f'{name}=uniform:0:0.1', '--set',
+               'duration=0.05', '--output', str(tmp_path / 'out')]  # fmt: skip
+    assert main([*options, '--json']) == 0
+    printed = capsys.readouterr()
+    assert printed.err.startswith(campaign.notice)
+    assert json.loads(printed.out)['runs'] == 64
+    few = [axis(f'{name}=0,0.1'), axis('controller.k_s1=50:90:40')]
+    assert campaign_of(PAPER, SETTINGS, axes=few).notice == ''
 
 
 def test_lost_runs_have_time_of_divergence_and_no_metrics() -> None:

@@ -104,6 +104,7 @@ def test_file_without_place_for_blocks_is_rejected_before_search(
     assert f'{path}: no block can be added below its text' in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_search_with_large_seed_and_no_settled_error_prints_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

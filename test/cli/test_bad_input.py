@@ -363,8 +363,8 @@ def test_recorder_existing_log_kept(tmp_path: Path, masmc: Masmc) -> None:
 @pytest.mark.parametrize(
     ('arguments', 'word'),
     [
-        (('run', 'plantt'), 'did you mean plant?'),
-        (('run', 'xyzzy'), 'plant, trajectory, controller, recorder, live, composed'),
+        (('run', 'plantt'), 'did you mean plant'),
+        (('run', 'xyzzy'), 'plant, trajectory, controller, recorder, live, play, composed'),
         (('simulat', PAPER), 'simulate'),
         (('simulate',), '--help'),
         (('run',), '--help'),

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+import json
 import os
 from pathlib import Path
 import subprocess
@@ -21,6 +22,7 @@ import pytest
 from rcl_interfaces.msg import Parameter, ParameterEvent
 from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters
 from std_msgs.msg import String
+from test_json_output import check
 import yaml
 
 
@@ -65,6 +67,21 @@ def test_param_set_and_get_value(running: Processes) -> None:
     assert left == 'Double values are: [100.0, 100.0, 100.0, 100.0]'
     assert output_of(domain, 'get', '/controller', 'telemetry_decimation') == 'Integer value is: 1'
     assert output_of(domain, 'get', '/controller', 'use_sim_time') == 'Boolean value is: False'
+
+
+def test_param_json_documented_keys(running: Processes) -> None:
+    domain = running.domain
+    verbs = (('list',), ('dump', '/controller'), ('set', '/controller', 'k_s2', '[9, 9, 9, 9]'))
+    printed = [json.loads(output_of(domain, *verb, '--json')) for verb in verbs]
+    check('param', *printed, {'value': 1})
+    assert {'k_s2', 'law'} <= set(printed[0]['nodes'][0]['names'])
+    got = json.loads(output_of(domain, 'get', '/controller', 'k_s2', '--json'))
+    assert got == {'node': '/controller', 'parameters': {'k_s2': [9.0] * 4}}
+    rejected = param(domain, 'set', '/controller', 'k_s2', '-1', '--json', '--timeout', '30')
+    assert (rejected.returncode, rejected.stderr) == (1, '')
+    result = json.loads(rejected.stdout)
+    assert (result['is_set'], result['value']) == (False, -1)
+    assert 'k_s2 = -1' in result['reason']
 
 
 @pytest.mark.parametrize(

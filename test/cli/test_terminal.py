@@ -15,6 +15,7 @@ import signal
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
 from typing import Any
 
 from helpers.viewed_run import computed_run
@@ -91,11 +92,10 @@ def test_demo_any_folder_name_is_that_of_logs(monkeypatch: pytest.MonkeyPatch) -
     log = Path('run #1: {a} "b"') / 'smc.mcap'
     commands: dict[str, list[str]] = {}
 
-    def start(nodes: dict[str, list[str]], *_: object) -> nullcontext[None]:
-        commands.update(nodes)
-        return nullcontext()
+    def nodes(*_: object) -> nullcontext[SimpleNamespace]:
+        return nullcontext(SimpleNamespace(start=commands.__setitem__))
 
-    monkeypatch.setattr(demo, '_processes', start)
+    monkeypatch.setattr(demo, 'node_processes', nodes)
     monkeypatch.setattr(demo, '_watch', lambda *_: None)
     demo._run('smc', Path(PAPER), log, {}, 1.0, 1.0, composed=False)
     recorder = parse(commands['recorder']).for_node('recorder')
@@ -300,7 +300,7 @@ def test_node_help_lists_its_parameters(
     ('arguments', 'words'),
     [
         (('simualte', PAPER), 'did you mean simulate?'),
-        (('simulate', PAPER, '--ouput', 'x'), 'did you mean --output?'),
+        (('simulate', PAPER, '--ouput', 'x'), 'did you mean --output or --path?'),
         (('param', 'lst'), 'did you mean list'),
         (('export', 'x', '--format', 'parket'), 'did you mean parquet?'),
         (('simulate', PAPER, '--set', 'k_s1=5'), 'controller.k_s1'),

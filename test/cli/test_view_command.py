@@ -22,8 +22,8 @@ from urllib.parse import parse_qs, urlsplit
 from helpers.viewed_run import computed_run, ROOT
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from masmc_ros.cli.commands import view
 from masmc_ros.cli.show import file_server
+from masmc_ros.cli.show.desktop import tunnel_hint
 from masmc_ros.cli.show.file_server import FileServer
 from masmc_ros.cli.show.served_meshes import described
 from masmc_ros.errors import InputError
@@ -307,7 +307,7 @@ def test_view_user_without_name_prints_ssh_command(monkeypatch: pytest.MonkeyPat
     for name in ('LOGNAME', 'USER', 'LNAME', 'USERNAME', 'DISPLAY', 'WAYLAND_DISPLAY'):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setattr(os, 'getuid', lambda: 2_000_000_001)
-    assert f'USER@{socket.gethostname()}' in view._tunnel(8766)
+    assert f'USER@{socket.gethostname()}' in tunnel_hint(8766)
 
 
 def test_view_damaged_summary_raises_one_line(log: Path, tmp_path: Path) -> None:

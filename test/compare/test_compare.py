@@ -22,7 +22,7 @@ from masmc_ros.compare.ranking import ranking
 from masmc_ros.compare.tables import rows_of
 from masmc_ros.compare.trials import (
     AS_IS,
-    drawn,
+    drawn_robot,
     HARDWARE,
     sets_observer,
     Trial,
@@ -47,7 +47,7 @@ def test_side_by_side_runs_equal_single_runs() -> None:
     """Every draw has its own robot, disturbance and noise; results equal `Simulation` bitwise."""
     settings = (*SHORT, 'plant.velocity_noise=0.02', 'controller.projection.lower=0.5')
     scenario = load_scenario(PAPER, settings)
-    runs = [drawn(scenario, TWO_LINK, seed) for seed in range(4)]
+    runs = [drawn_robot(scenario, TWO_LINK, seed) for seed in range(4)]
     blocks = list(BatchSimulation(runs).run(block=100))
     signals = np.concatenate(blocks)
     assert len(signals) == 301
@@ -67,8 +67,8 @@ def test_side_by_side_different_durations_raise() -> None:
 
 def test_drawn_scenario_changes_plant_only_repeatably() -> None:
     scenario = load_scenario(PAPER, SHORT)
-    assert drawn(scenario, TWO_LINK, 0) is scenario
-    first, again, other = (drawn(scenario, TWO_LINK, seed) for seed in (1, 1, 2))
+    assert drawn_robot(scenario, TWO_LINK, 0) is scenario
+    first, again, other = (drawn_robot(scenario, TWO_LINK, seed) for seed in (1, 1, 2))
     assert first == again
     assert first != other
     assert first['controller'] == scenario['controller']
@@ -96,7 +96,7 @@ def test_compare_run_has_settings_of_law_and_trial() -> None:
     assert again.key == comparison.key
     runs = list(again.runs(0, again.total))
     expected = [
-        drawn(
+        drawn_robot(
             load_scenario(
                 PAPER, (*settings, *contender.settings, *trial.settings_for(TWO_LINK))
             ),
@@ -211,12 +211,12 @@ def test_trials_of_laws_vary_period_limits_and_observer() -> None:
 def test_hardware_conditions_of_version_are_fixed() -> None:
     """Results of a version are comparable: other conditions need another VERSION."""
     digest = hashlib.sha256(repr(hardware.CONDITIONS).encode()).hexdigest()
-    assert (hardware.VERSION, digest[:16]) == (1, '18034e4e4a7b996c')
+    assert (hardware.VERSION, digest[:16]) == (2, '18034e4e4a7b996c')
 
 
 def test_hardware_trials_load_with_effects_that_differ() -> None:
     trials = trials_named('hardware', TWO_LINK)
-    assert {trial.benchmark for trial in trials} == {'hardware 1'}
+    assert {trial.benchmark for trial in trials} == {'hardware 2'}
     assert len({trial.name for trial in trials}) == len(trials)
     assert not {trial.name for trial in trials} & {trial.name for trial in TRIALS}
     assert all(trial.suits(TWO_LINK) for trial in trials)
@@ -250,6 +250,24 @@ def test_limits_of_file_stay_for_drives_without_known_limits() -> None:
         )
         values = load_scenario(PAPER, settings)['controller']
         assert {name: values[name] for name in controller} == controller
+
+
+def test_trials_with_limits_use_smaller_of_file_and_drives() -> None:
+    """A trial must not raise the limits of a file, such as those that keep traction."""
+    controller = {
+        'torque_limit': (1.0, 9.0, 30.0, 2.0), 'torque_rate_limit': (50.0, 600.0, 700.0, 800.0),
+    }  # fmt: skip
+    usual, hardware_limits = (
+        load_scenario(PAPER, trials_named(name, TWO_LINK)[-1].settings_for(TWO_LINK, controller))
+        for name in ('limits', 'torque limits')
+    )
+    limited = usual['controller']
+    assert limited['torque_limit'] == (1.0, 8.0, 20.0, 2.0)
+    assert limited['torque_rate_limit'] == (50.0, 400.0, 700.0, 500.0)
+    for node in ('plant', 'controller'):
+        limits = hardware_limits[node]['torque_limit']
+        assert limits == pytest.approx((0.7, 5.6, 14.0, 1.4), rel=1e-12)
+        assert hardware_limits[node]['torque_rate_limit'] == limited['torque_rate_limit']
 
 
 @pytest.mark.slow
@@ -288,11 +306,11 @@ def test_compare_command_names_version_of_benchmark(
     folder = tmp_path / 'out'
     options = ['--laws', 'smc:implicit', '--set', SHORT[0], '--output', str(folder)]
     assert main(['compare', PAPER, '--trials', 'hardware', *options]) == 0
-    assert 'Benchmark: hardware 1.' in capsys.readouterr().out
-    assert 'Benchmark: hardware 1.' in (folder / 'compare.html').read_text(encoding='utf-8')
+    assert 'Benchmark: hardware 2.' in capsys.readouterr().out
+    assert 'Benchmark: hardware 2.' in (folder / 'compare.html').read_text(encoding='utf-8')
     rows = json.loads((folder / 'compare.json').read_text(encoding='utf-8'))
     assert [row['trial'] for row in rows] == ['all 5 ms', 'all 2 ms']
-    assert {row['benchmark'] for row in rows} == {'hardware 1'}
+    assert {row['benchmark'] for row in rows} == {'hardware 2'}
 
 
 def test_contender_with_disturbance_estimate_is_marked() -> None:

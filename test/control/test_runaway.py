@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from helpers.core_loop import CoreLoop, node_values
 from helpers.processes import PAPER as PAPER_FILE
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from masmc_ros.law.registry import LAWS
 from masmc_ros.loop.runaway import RunawayWatch
 from masmc_ros.params.scenario import load_scenario
@@ -65,9 +67,91 @@ def test_runaway_error_grows_without_states_no_alarm(gap: float, is_alarm: bool)
     reasons = []
     for error, held in ((0.01, 0), (0.1, round(gap / controller.period)), (0.1, 0)):
         controller.error[:] = error
-        watch.skip(held)
-        reasons += [watch.look(rates) for _ in range(100)]
+        watch.skip(held, 0.0)
+        reasons += [alarm.reason for _ in range(100) if (alarm := watch.look(rates, 0.0))]
     assert any('the error grows' in reason for reason in reasons) is is_alarm
+
+
+@pytest.mark.parametrize(('lateness', 'is_passing'), [(0.05, True), (0.005, False)])
+def test_runaway_states_old_alarm_passes(lateness: float, is_passing: bool) -> None:
+    """A controller that is late processes its queue without a gap in the stamps."""
+    controller = CoreLoop(node_values()).controller
+    watch, rates = RunawayWatch(controller, [np.inf] * 4), np.zeros(4)
+    controller.torque[:] = np.array(controller.values['torque_limit'])
+    alarms = []
+    for tick in range(40):
+        controller.error[:] = 0.01 * tick
+        watch.note_age(lateness if tick < 10 else 0.0, 0.01 * tick)
+        alarms.append(watch.look(rates, 0.01 * tick))
+    first = next(alarm for alarm in alarms if alarm is not None)
+    assert first.is_passing is is_passing
+    assert first.reason.endswith('; states were late') is is_passing
+
+
+def run_with_late_states(loop: CoreLoop, seed: int, share: float, longest: int) -> None:
+    """Run 1 s in which a share of the torques is held for 2 to `longest` periods more."""
+    random = np.random.default_rng(seed)
+    end = loop.now + 1.0
+    while loop.now < end:
+        loop.step()
+        if random.random() < share:
+            for _ in range(random.integers(2, longest, endpoint=True)):
+                loop.step(has_state=False)
+
+
+@settings(max_examples=25, deadline=None, derandomize=True)
+@given(
+    st.floats(0.0, 8.0),
+    st.lists(st.tuples(st.integers(1, 4), st.integers(2, 9)), min_size=4, max_size=8),
+)
+def test_runaway_states_late_for_half_second_no_alarm(
+    start: float, holds: list[tuple[int, int]]
+) -> None:
+    """At 100 Hz a busy machine holds torques for 20 to 90 ms, again and again."""
+    loop = CoreLoop(node_values())
+    loop.run(start)
+    end = loop.now + 0.5
+    for computed, held in holds:
+        if loop.now + held * loop.period < end:
+            loop.run(computed * loop.period)
+            loop.run(held * loop.period, has_state=False)
+    loop.run(3.0)
+    assert loop.state == 'active', loop.reports
+
+
+@settings(max_examples=8, deadline=None, derandomize=True)
+@given(st.integers(0, 2**32 - 1))
+def test_runaway_one_torque_of_twenty_held_no_alarm(seed: int) -> None:
+    loop = CoreLoop(node_values())
+    for second in range(20):
+        run_with_late_states(loop, seed + second, 0.05, 9)
+    assert loop.state == 'active', loop.reports
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_runaway_half_of_torques_held_error_is_large(seed: int) -> None:
+    """The robot has left its path by decimetres when the alarm stops it."""
+    loop = CoreLoop(node_values())
+    largest = 0.0
+    for second in range(20):
+        if loop.state != 'active':
+            break
+        run_with_late_states(loop, 20 * seed + second, 0.5, 9)
+        largest = max(largest, float(np.abs(loop.controller.error).max()))
+    assert loop.state.startswith('fault: run-away'), loop.reports
+    assert largest > 0.1
+
+
+@pytest.mark.parametrize('seed', [1, 2, 350])
+def test_runaway_late_for_a_second_law_continues(seed: int) -> None:
+    """The error grows at a limit because of late states: the alarm passes, and the law settles."""
+    loop = CoreLoop(node_values())
+    loop.run(2.0)
+    run_with_late_states(loop, 20 * seed, 0.5, 9)
+    loop.run(5.0)
+    assert any(text.endswith('; states were late') for _, text in loop.reports)
+    assert loop.state == 'active', loop.reports
+    assert np.abs(loop.controller.error).max() < 0.005
 
 
 def test_runaway_fault_latched_until_cleared() -> None:

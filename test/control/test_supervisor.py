@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from hypothesis import given
 from hypothesis import strategies as st
-from masmc_ros.control.stamp_order import in_time, Order, StampOrder, state_timeout
 from masmc_ros.control.supervisor import (
     ACTIVE,
     FAULT,
@@ -16,6 +15,7 @@ from masmc_ros.control.supervisor import (
     Supervisor,
     would_follow,
 )
+from masmc_ros.messages.stamp_order import in_time, Order, StampOrder, state_timeout
 import numpy as np
 import pytest
 

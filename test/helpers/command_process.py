@@ -11,6 +11,7 @@ that, these processes equal those that a command line starts.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+import contextlib
 import faulthandler
 from functools import cache
 import multiprocessing
@@ -22,8 +23,18 @@ import subprocess
 import sys
 import tempfile
 
+SERVED = {'live': 'foxglove', 'play': 'viser'}
+"""Nodes that listen on a port, with the optional module of each."""
+
 PATIENCE = 180.0
 """Maximum duration of a command in s, on a slow and busy machine."""
+
+COMPILING = 900.0
+"""
+Maximum time in s until a node or command without cached code of a tree robot has compiled it.
+
+It compiles for a minute or two, and several times as long while other tests compile.
+"""
 
 _CONTEXT = multiprocessing.get_context('forkserver')
 _IMPORTED = [
@@ -122,15 +133,25 @@ def _run_in_fork(
     sys.exit(main(arguments))
 
 
+def waited(pid: int) -> float:
+    """Return the time in s that the threads of a process have waited for a processor."""
+    total = 0
+    for thread in Path(f'/proc/{pid}/task').iterdir():
+        # A thread may end meanwhile.
+        with contextlib.suppress(FileNotFoundError, ProcessLookupError):
+            total += int((thread / 'schedstat').read_text().split()[1])
+    return 1e-9 * total
+
+
 def run_command(
-    *arguments: str, folder: Path, environment: Mapping[str, str]
+    *arguments: str, folder: Path, environment: Mapping[str, str], patience: float = PATIENCE
 ) -> subprocess.CompletedProcess[str]:
-    """Run `masmc ARGUMENTS` in a folder to its end."""
+    """Run `masmc ARGUMENTS` in a folder to its end; TimeoutExpired after `patience` s."""
     with tempfile.TemporaryDirectory() as outputs:
         out, err = Path(outputs) / 'out', Path(outputs) / 'err'
         process = CommandProcess(arguments, environment, out, err, folder)
         try:
-            status = process.wait(PATIENCE)
+            status = process.wait(patience)
         finally:
             process.kill()
         texts = (path.read_text(encoding='utf-8', errors='replace') for path in (out, err))

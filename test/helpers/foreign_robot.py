@@ -22,6 +22,8 @@ from masmc_ros.robot.joint_names import joint_names
 from masmc_ros.robot.robot import robot_of
 from nav_msgs.msg import Odometry
 import numpy as np
+from rclpy.time import Time
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 
@@ -82,6 +84,7 @@ class ForeignRobot:
         has_brakes: bool = False,
         topics: tuple[str, str] = ('effort_commands', 'cmd_vel'),
         twist_type: Any = Twist,
+        has_clock: bool = False,
     ) -> None:
         """
         Initialise the robot, and publish until the tester ends.
@@ -102,6 +105,9 @@ class ForeignRobot:
             True for brakes that hold the robot until the first torque.
         topics, twist_type
             Names of the topics of torques and twists, and the type of the twists.
+        has_clock
+            True for a robot that publishes its time on `/clock`, as simulators do. It waits for
+            answers to its states, so its time passes slowly on a busy machine.
 
         """
         hybrid = ('plant.command_interface=hybrid',) if is_hybrid else ()
@@ -129,7 +135,8 @@ class ForeignRobot:
         self.correction = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
         self.publishes_states = True
         self.velocities_seen: list[np.ndarray] = []
-        self._commanded = self._start
+        self._commanded, self._commanded_tick = self._start, 0
+        self._clock = tester.publisher(Clock, '/clock') if has_clock else None
         self._states = tester.publisher(JointState, 'joint_states')
         self._odometry = tester.publisher(Odometry, 'odom')
         self.velocities: Any = lambda velocity: []
@@ -158,7 +165,7 @@ class ForeignRobot:
     def _on_command(self, raw: bytes) -> None:
         if self._command.load(raw):
             self._torque = self._command.data.copy()
-            self._commanded = time.monotonic()
+            self._commanded, self._commanded_tick = time.monotonic(), self._robot.tick
             self.torques.append(self._torque)
             self.answered.append(self._command.stamp_ns or 0)
         else:
@@ -166,6 +173,9 @@ class ForeignRobot:
 
     def _advance(self) -> None:
         """Advance the robot to the current time and publish its state."""
+        if self._clock:
+            self._advance_clock(self._clock)
+            return
         age = time.monotonic() - self._commanded
         if not self.is_on or MOST_TICKS * self._period < age <= WATCHDOG:
             return
@@ -176,13 +186,28 @@ class ForeignRobot:
         lost = max(0, ticks - self._robot.tick - (0 if self._has_brakes else MOST_TICKS))
         self._start += lost * self._period
         # The drives hold zero velocity without a command, as those of real robots do.
-        is_held = age > WATCHDOG
-        twist = self._twist if self.is_hybrid else self._twist[:0]
         while self._robot.tick < ticks - lost:
-            command = np.concatenate([twist, self._torque])
-            self._robot.advance(None if is_held else command)
+            self._step(is_held=age > WATCHDOG)
+        self._publish(time.time_ns() - round(self._late * 1e9))
+
+    def _advance_clock(self, clock: Any) -> None:
+        """Advance the robot by a tick, unless too many states are without an answer."""
+        self._has_brakes &= not self._torque.any()
+        if not self._has_brakes and self._robot.tick - self._commanded_tick > MOST_TICKS:
+            return
+        self._step(is_held=self._has_brakes)
+        stamp = round(self._robot.tick * self._period * 1e9)
+        clock.publish(Clock(clock=Time(nanoseconds=stamp).to_msg()))
+        self._publish(stamp)
+
+    def _step(self, *, is_held: bool) -> None:
+        """Advance the robot by a tick with the latest command, or with drives that hold it."""
+        twist = self._twist if self.is_hybrid else self._twist[:0]
+        self._robot.advance(None if is_held else np.concatenate([twist, self._torque]))
+
+    def _publish(self, stamp: int) -> None:
+        """Publish the state and the pose of the base."""
         self.velocities_seen.append(self._robot.true_velocity.copy())
-        stamp = time.time_ns() - round(self._late * 1e9)
         if self.is_hybrid:
             self._publish_base(stamp)
         elif self.publishes_pose:

@@ -14,8 +14,6 @@ from types import ModuleType
 from typing import Any, NamedTuple
 from unittest.mock import patch
 
-import yaml
-
 ROOT = Path(__file__).resolve().parents[2]
 PAPER = 'paper.launch.py'
 
@@ -84,13 +82,8 @@ def stand_ins() -> Iterator[None]:
     sys.modules.update(imported)
 
 
-def launched(folder: Path, file: str = PAPER, **arguments: str) -> list[Started]:
-    """
-    Return the processes of a launch file for launch arguments NAME=text.
-
-    launch_ros of ROS 2 Jazzy writes a node's settings into a separate parameter file for `/**`.
-    Here this file is in `folder`; it follows the files that the node names.
-    """
+def launched(file: str = PAPER, **arguments: str) -> list[Started]:
+    """Return the processes of a launch file for launch arguments NAME=text."""
     with stand_ins():
         description = runpy.run_path(str(ROOT / 'launch' / file))['generate_launch_description']()
         declared = [action for action in description if isinstance(action, _Argument)]
@@ -101,20 +94,17 @@ def launched(folder: Path, file: str = PAPER, **arguments: str) -> list[Started]
             assert not argument.choices or context[argument.name] in argument.choices
         (function,) = (a.function for a in description if isinstance(a, _Function))
         nodes = [action for action in function(context) if isinstance(action, _Node)]
-    return [_started(node, folder / f'launch_{n}.yaml') for n, node in enumerate(nodes)]
+    return [_started(node) for node in nodes]
 
 
-def _started(node: _Node, file: Path) -> Started:
+def _started(node: _Node) -> Started:
     command = [*node.get('arguments', ()), '--ros-args']
     if name := node.get('name'):
         command += ['-r', f'__node:={name}']
     if namespace := node.get('namespace'):
         command += ['-r', f'__ns:=/{namespace.strip("/")}']
-    for parameters in node.get('parameters', ()):
-        if isinstance(parameters, Mapping):
-            file.write_text(yaml.safe_dump({'/**': {'ros__parameters': dict(parameters)}}))
-            parameters = file
-        command += ['--params-file', str(parameters)]
+    # launch_ros would write such values into a file, some texts without their quotes.
+    assert 'parameters' not in node
     for source, target in node['remappings']:
         command += ['-r', f'{source}:={target}']
     return Started(node['executable'], command)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from masmc_ros.compare.trials import drawn
+from masmc_ros.compare.trials import drawn_robot
 from masmc_ros.law.registry import LAWS, SWITCHING
 from masmc_ros.loop.batch_simulation import BatchSimulation
 from masmc_ros.loop.simulation import Simulation
@@ -43,7 +43,7 @@ def differing(law: str, switching: str) -> list[str]:
         'plant.velocity_noise=0.01',
     )
     scenario = load_scenario(PAPER, settings)
-    runs = [drawn(scenario, TWO_LINK, seed) for seed in range(LANES)]
+    runs = [drawn_robot(scenario, TWO_LINK, seed) for seed in range(LANES)]
     (signals,) = BatchSimulation(runs).run()
     single_runs = [next(Simulation(run).run()) for run in runs]
     return [

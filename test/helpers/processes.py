@@ -20,10 +20,12 @@ import subprocess
 import sys
 import time
 from typing import Any
+from unittest.mock import patch
 
 from helpers.child_environment import child_environment, domain, domain_variables, ended
 from helpers.command_process import CommandProcess, PATIENCE
 from masmc_ros.messages.stamps import header_stamp
+from masmc_ros.nodes.middleware.transport import prepare_transport
 from nav_msgs.msg import Odometry
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 import rclpy
@@ -325,13 +327,15 @@ def processes(folder: Path, *, fresh: bool = False) -> Iterator[Processes]:
 @contextmanager
 def peer(domain: int, name: str = 'peer', namespace: str = '/') -> Iterator[Peer]:
     """Yield a node of this process in a domain."""
-    variable = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
-    before = os.environ.get(variable)
-    os.environ[variable] = 'LOCALHOST'
     context = Context()
-    rclpy.init(context=context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
+    with patch.dict(os.environ, domain_variables(domain)):
+        # Over shared memory, it would wait forever for a process that was killed while starting.
+        prepare_transport()
+        rclpy.init(
+            context=context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO
+        )
+        node = Node(name, context=context, namespace=namespace)
     executor = SingleThreadedExecutor(context=context)
-    node = Node(name, context=context, namespace=namespace)
     executor.add_node(node)
     try:
         yield Peer(node, executor)
@@ -339,10 +343,6 @@ def peer(domain: int, name: str = 'peer', namespace: str = '/') -> Iterator[Peer
         executor.shutdown()
         node.destroy_node()
         context.try_shutdown()
-        if before is None:
-            del os.environ[variable]
-        else:
-            os.environ[variable] = before
 
 
 def ros_arguments(file: Path | None = PAPER, **settings: object) -> list[str]:

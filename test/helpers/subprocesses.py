@@ -15,6 +15,7 @@ import sys
 
 from helpers.child_environment import child_environment, domain, domain_variables, ended
 from helpers.processes import PATIENCE
+from masmc_ros.nodes.middleware.transport import prepare_transport
 import rclpy
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
@@ -89,7 +90,13 @@ def _run_node(*arguments: str) -> int:
 
 
 def _listen(*topics: str) -> int:
-    """Subscribe to topics over the middleware's default transports."""
+    """
+    Subscribe to topics.
+
+    Over UDP as well: a process that is killed while it creates shared memory leaves it unfinished,
+    and all later processes of this machine that use shared memory wait for it.
+    """
+    prepare_transport()
     rclpy.init()
     node = rclpy.create_node('listener')
     qos = QoSProfile(depth=10)

@@ -39,7 +39,7 @@ def model_of(
 ) -> TreeModel:
     """Return a robot as the model of compiled functions, with a body's point as its task."""
     tree = robot if isinstance(robot, Tree) else robot.tree
-    size = tree.base + len(tree.parent) - 1
+    size = len(tree.armature)
     numbers = packed(
         tree, np.eye(tree.base), [(body, np.eye(3).ravel().tolist(), point)], range(6),
         np.ones(size), np.zeros(size), (np.zeros(size),) * 3, 0.0, 0.0, 1e-3,

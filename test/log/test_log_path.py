@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from masmc_ros.log.traced_paths import ActualPath, DesiredPath, MOST_POSES, thinned
 from masmc_ros.loop.timing import Timing
-from masmc_ros.messages.path import path_message
+from masmc_ros.messages.path import path_message, path_points
 from masmc_ros.messages.stamps import stamp_reader
 from masmc_ros.reference.trajectory import parameters, Trajectory
 from masmc_ros.robot.mechanisms import DEFAULT as TWO_LINK
@@ -58,6 +58,17 @@ def test_path_message_equals_rosbags(frame: str, stamp: int, stamps: list[int]) 
     raw = path_message(frame, stamp, np.array(stamps, dtype=np.int64), points(len(stamps)))
     assert raw == serialised(frame, stamp, stamps)
     assert stamp_reader('path/actual', TYPE)(raw) == stamp
+    np.testing.assert_array_equal(path_points(raw), points(len(stamps)))
+
+
+@pytest.mark.parametrize('count', [0, 2])
+def test_path_points_of_other_bytes_are_none(count: int) -> None:
+    raw = path_message('odom', 7, np.arange(count), points(count))
+    others = [raw[:-1], raw + b'\0', raw[:10], b'', raw.replace(b'\0\1', b'\0\0', 1)]
+    others += [raw.replace(b'odom', b'\xff\xfe\xfd\xfc'), raw[:-1].replace(b'odom', b'map')]
+    if count:
+        others.append(b'left'.join(raw.rsplit(b'odom', 1)))
+    assert [path_points(other) for other in others] == [None] * len(others)
 
 
 @pytest.mark.parametrize('count', [0, 1, 2, 1000])

@@ -24,7 +24,8 @@ from masmc_ros.messages.platform_messages import OdometryCdr
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.messages.string_message import string_message
 from masmc_ros.messages.telemetry import telemetry_messages
-from masmc_ros.messages.topics import ODOMETRY
+from masmc_ros.messages.topics import ODOMETRY, STRING
+from masmc_ros.report.measure.metrics import metrics
 from mcap.writer import Writer
 import numpy as np
 import pytest
@@ -146,7 +147,8 @@ def test_read_run_messages_of_other_senders_are_merged(tmp_path: Path) -> None:
     assert run.position.tolist() == [[0, 1, 2, 3, 4, 5, 6], [7, 6, 5, 4, 3, 2, 1]]
     assert run.velocity[1].tolist() == [107, 106, 105, 104, 103, 102, 101]
     assert run.torque.values.tolist() == [[1, 2, 3, 4], [5, 6, 7, 8], [9, 9, 9, 9]]
-    assert run.torque.times.tolist() == [0.0, 1e-8, 3.000000007]
+    # Without a label, the time since the last state is that of the log times.
+    assert run.torque.times.tolist() == [0.0, 1.000000009, 3.000000007]
     assert list(run.telemetry) == ['error']
     assert run.telemetry['error'].values.tolist() == [[1, 2, 3, 4]]
     assert run.telemetry['error'].times.tolist() == [1.000000005]
@@ -252,7 +254,7 @@ def test_read_run_after_reset_drops_earlier_signals(tmp_path: Path, answered: in
 
 
 @pytest.mark.parametrize('pacing', ['realtime', 'lockstep'])
-def test_read_run_real_time_late_state_is_no_reset(tmp_path: Path, pacing: str) -> None:
+def test_read_run_late_state_is_no_reset(tmp_path: Path, pacing: str) -> None:
     path = tmp_path / 'run.mcap'
     values = {'pacing': pacing, 'state_timeout': 0.1, 'control_period': 0.01, 'k_s1': 1.0}
     start = ParameterRecord('/controller', 0, 0, values, ())
@@ -268,14 +270,13 @@ def test_read_run_real_time_late_state_is_no_reset(tmp_path: Path, pacing: str) 
             if place == 2:
                 log.write(parameters, place, string_message(changed.to_text()))
     run = read_run(path)
-    if pacing == 'realtime':
-        assert run.times.tolist() == [0.0, 0.01, 0.02, 0.03, 0.06, 0.07, 0.08]
-        assert run.parameters['controller']['k_s1'] == 1.0
-        assert run.changes == (changed,)
-    else:
-        assert run.times.tolist() == [0.0, 0.01, 0.02, 0.03, 0.04, 0.07, 0.08]
-        assert run.parameters['controller']['k_s1'] == 2.0
-        assert run.changes == ()
+    # A controller in real time ignores the late state.
+    late = [0.04] if pacing == 'lockstep' else []
+    assert run.times.tolist() == [0.0, 0.01, 0.02, 0.03, *late, 0.06, 0.07, 0.08]
+    assert run.parameters['controller']['k_s1'] == 1.0
+    assert run.changes == (changed,)
+    counted = '/joint_states: 1 that arrived late, of 8 messages.'
+    assert run.notes == (() if late else (counted,))
 
 
 def test_read_run_metadata_of_equal_name_are_listed(tmp_path: Path) -> None:
@@ -431,3 +432,28 @@ def test_read_run_state_between_samples_interpolates_reference(tmp_path: Path) -
     assert run.reference is not None
     expected = [0.123456789] * 4 + [1.0] * 4 + [0.0] * 4
     assert run.reference[0] == pytest.approx(expected, abs=1e-9)
+
+
+def test_controller_states_start_with_that_of_last_pass(tmp_path: Path) -> None:
+    log, before, after = tmp_path / 'run.mcap', numbers(400), numbers(300, start=0)
+    states = {
+        (0, 0): 'inactive: not enabled yet', (0, 200): 'active', (0, 390): 'fault: late',
+        (1, 100): 'active', (1, 250): 'fault: a\nreason',
+    }  # fmt: skip
+    with LogWriter(log) as writer:
+        channel = writer.channel('/joint_states', STATE)
+        texts = writer.channel('/controller/state', STRING)
+        for number, run in enumerate((before, after)):
+            for index, raw in enumerate(run.states()):
+                writer.write(channel, int(run.stamps[index]), bytes(raw))
+                if (number, index) in states:
+                    text = states[number, index]
+                    writer.write(texts, int(run.stamps[index]), string_message(text))
+    run = read_run(log)
+    assert run.controller_states == (
+        (0.0, 'fault: late'), (0.1, 'active'), (0.25, 'fault: a\nreason')
+    )  # fmt: skip
+    assert metrics(run).notes[-2:] == (
+        'Controller fault: late, from t = 0.000 s to 0.100 s.',
+        'Controller fault: a reason, from t = 0.250 s to the end.',
+    )

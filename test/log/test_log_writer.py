@@ -19,7 +19,7 @@ from masmc_ros import __version__
 from masmc_ros.errors import InputError
 from masmc_ros.log.mcap.chunks import arrived_records, ChannelRows, COMPRESSIONS, packed_chunk
 from masmc_ros.log.mcap.record_stream import RecordStream
-from masmc_ros.log.offered_qos import LATCHED, Qos
+from masmc_ros.log.offered_qos import Qos
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.log.write.writer import CHUNK_SIZE, LogWriter
 from masmc_ros.messages.definitions import definition
@@ -37,6 +37,7 @@ from rosbags.interfaces import QosDurability, QosHistory, QosReliability
 import yaml
 
 TICKS = 2000
+LATCHED = Qos(depth=1, durability='transient_local')
 PER_TICK = 6
 TOPICS = {
     '/joint_states': STATE,

@@ -13,7 +13,7 @@ import textwrap
 import time
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.offered_qos import LATCHED, Qos
+from masmc_ros.log.offered_qos import Qos
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.log.read.scan import scan
 from masmc_ros.log.recover.recover import recover
@@ -27,6 +27,7 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 TICKS = 3000
+LATCHED = Qos(depth=1, durability='transient_local')
 
 
 def states() -> list[bytes]:

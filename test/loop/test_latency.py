@@ -6,8 +6,8 @@
 from __future__ import annotations
 
 from pathlib import Path
-import sys
 
+from latency_map import error_of, growth
 from masmc_ros.loop.closed_loop import NOT_FINITE
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulation import Simulation
@@ -17,11 +17,6 @@ import numpy as np
 import pytest
 
 ROOT = Path(__file__).parents[2]
-sys.path.append(str(ROOT / 'tools'))
-
-# tools/ is no package: its folder has to be in the path first.
-from latency_map import error_of, growth  # noqa: E402
-
 SMC = ('controller.law=smc', 'controller.switching=implicit')
 
 

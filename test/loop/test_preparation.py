@@ -25,6 +25,7 @@ PAPER = Path(__file__).resolve().parents[2] / 'config' / 'paper.yaml'
 TIMEOUT = 60.0
 
 
+@pytest.mark.slow
 def test_preparation_loaded_live_change_compiles_nothing() -> None:
     preparation.load(TWO_LINK, preparation.laws_loaded_at_start())
     compiled = len(control_tick.signatures), len(post_update.signatures)

@@ -6,8 +6,8 @@
 from __future__ import annotations
 
 from pathlib import Path
-import sys
 
+from campaign_maps import Grid, smallest_layer, swept, WEAK, WEAKER
 from helpers.lagrangian import matrices
 from helpers.robots import DEFAULT
 from helpers.scenario import Run, Scenario, whole
@@ -16,11 +16,6 @@ import pytest
 import yaml
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path.append(str(ROOT / 'tools'))
-
-# tools/ is no package: its folder has to be in the path first.
-from campaign_maps import Grid, smallest_layer, swept, WEAK, WEAKER  # noqa: E402
-
 PAPER = ROOT / 'config' / 'paper.yaml'
 
 SMOOTH = 20.0

@@ -18,7 +18,7 @@ from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.nodes.process.ending import ENDING
 from masmc_ros.nodes.process.runtime import StopSignals
-from masmc_ros.nodes.recorder.listening import take_rest
+from masmc_ros.nodes.recorder.intake import take_rest
 import pytest
 from rclpy.context import Context
 from rclpy.experimental.events_executor import EventsExecutor

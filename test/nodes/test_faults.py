@@ -232,11 +232,14 @@ def test_controller_foreign_states_and_clock_jumps_run_continues(tmp_path: Path)
             shift = itertools.cycle(shifts)
 
             def has_counted() -> bool:
-                send(next(shift))
+                # If the test itself is late, its states look like those of another robot, and end
+                # the law until no more of them arrive.
+                if run.states[-1] == 'active':
+                    send(next(shift))
                 run.spin(0.02)
                 return int(run.health['controller'][key]) > previous
 
-            run.tester.until(has_counted, f'{key}: {run.health}')
+            run.tester.until(has_counted, lambda: f'{key}: {run.health}')
 
         run.wait_for_report('controller', 'state', 'active')
         # Late states; the second shift applies if the test itself is late.

@@ -13,6 +13,7 @@ import signal
 from typing import Any
 
 from geometry_msgs.msg import TwistStamped
+from helpers.command_process import COMPILING
 from helpers.foreign_robot import Watched
 from helpers.launch_file import launched, ROOT
 from helpers.log_contents import read_log
@@ -71,7 +72,6 @@ def hardware(
     file, log = ROOT / 'config' / f'{name}.yaml', folder / 'run.mcap'
     topics = f'/{GROUPS[name]}/commands', '/diff_drive_controller/cmd_vel'
     started_nodes = launched(
-        folder,
         'hardware.launch.py',
         params_file=f'{file},{first_motion(folder, file)}',
         control_period=f'{PERIOD}',
@@ -116,7 +116,7 @@ def first_motion(folder: Path, file: Path) -> Path:
 
 def activate(robot: Watched) -> None:
     """Activate the controller when the recorder receives its commands."""
-    robot.tester.until(lambda: robot.controller_states, 'the state of the controller')
+    robot.tester.until(lambda: robot.controller_states, 'the state of the controller', COMPILING)
     count = robot.tester.node.count_subscribers
     commands = robot.topics if robot.is_hybrid else robot.topics[:1]
     robot.tester.until(lambda: all(count(topic) > 1 for topic in commands), 'the recorder')
@@ -141,13 +141,23 @@ def check_followed(robot: Watched, seconds: float, tolerance: float) -> None:
 @needs_robots
 @pytest.mark.slow
 def test_hardware_launch_mobile_manipulator_follows_path(tmp_path: Path) -> None:
-    """Base by stamped twists, arm by torques, odometry at a quarter of the rate of the joints."""
+    """
+    Base by stamped twists, arm by torques, odometry at a quarter of the rate of the joints.
+
+    The robot has its own clock, as in a simulator.
+    """
     robot = {
         'is_hybrid': True,
+        'has_clock': True,
         'twist_type': TwistStamped,
         'settings': ('plant.base_lag=0.05', 'plant.command_delay=0.005'),
     }
-    arguments = {'command_interface': 'hybrid', 'pose_source': 'odom', 'base_lag': '0.05'}
+    arguments = {
+        'command_interface': 'hybrid',
+        'pose_source': 'odom',
+        'base_lag': '0.05',
+        'use_sim_time': 'true',
+    }
     with hardware(tmp_path, 'tiago', robot, **arguments) as (watched, log):
         activate(watched)
         check_followed(watched, 5.0, 0.01)

@@ -22,14 +22,15 @@ from helpers.processes import (
     processes,
     ros_arguments,
 )
-from masmc_ros.messages.names import TELEMETRY, telemetry_topic
+from masmc_ros.messages.names import JOINTS, TELEMETRY, telemetry_topic
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.messages.string_message import text_of
 from masmc_ros.nodes.middleware.latched import Latched
 from masmc_ros.nodes.middleware.qos import publisher_qos
 from nav_msgs.msg import Path as PathMessage
-from rclpy.qos import DurabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import SetBool
 
@@ -166,3 +167,53 @@ def test_latched_publisher_stopped_subscriber_delays_once(tmp_path: Path) -> Non
         finally:
             hung.kill()
             hung.wait()
+
+
+def test_controller_best_effort_states_answered(tmp_path: Path) -> None:
+    """A driver may publish with the profile of sensor data; each state is answered once."""
+    profile = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        answers = tester.collect(Float64MultiArray, 'effort_commands', raw=True)
+        references = tester.publisher(Float64MultiArray, 'reference', latched=True)
+        references.publish(Float64MultiArray(data=[0.3, 0.5, 0.0, 0.1]))
+        started.start('controller', *ros_arguments(PAPER, pacing='realtime', duration=0.0))
+        for durability in (DurabilityPolicy.VOLATILE, DurabilityPolicy.TRANSIENT_LOCAL):
+            profile.durability = durability
+            states = tester.node.create_publisher(JointState, 'joint_states', profile)
+            message = JointState(name=JOINTS, position=[0.1] * 7, velocity=[0.0] * 7)
+            before = len(answers)
+
+            def is_answered(
+                message: JointState = message, states: Any = states, before: int = before
+            ) -> bool:
+                message.header.stamp = tester.node.get_clock().now().to_msg()
+                states.publish(message)
+                return len(answers) > before + 10
+
+            tester.until(is_answered, 'ten answers')
+            tester.node.destroy_publisher(states)
+        assert len(answers) == len(set(answers))
+
+
+def test_controller_without_states_diagnostics_warn(tmp_path: Path) -> None:
+    """In lock-step no timeout ends the law; the report must not be that all is well."""
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        reports: list[tuple[str, str]] = []
+
+        def on_report(message: DiagnosticArray) -> None:
+            (status,) = message.status
+            silence = next(v.value for v in status.values if v.key == 'last state (s ago)')
+            reports.append((status.message, silence))
+
+        tester.subscribe(DiagnosticArray, '/diagnostics', on_report)
+        started.start('controller', *ros_arguments(PAPER, duration=0.0))
+        tester.until(lambda: ('no usable joint_states so far', 'none') in reports, 'a warning')
+        states = tester.publisher(JointState, 'joint_states')
+        message = JointState(name=JOINTS, position=[0.1] * 7, velocity=[0.0] * 7)
+        message.header.stamp.nanosec = 1_000_000
+
+        tester.wait_for_subscribers(states)
+        states.publish(message)
+        tester.until(
+            lambda: reports[-1][0].startswith('no usable joint_states for'), 'the duration'
+        )

@@ -113,6 +113,7 @@ def test_payload_estimate_of_commanded_velocities_prints_error(tmp_path: Path) -
         assert 'payload.estimation_time = 5: expected 0 with commanded' in started.output()
 
 
+@pytest.mark.slow
 def test_latency_by_motion_after_changed_latency_is_right() -> None:
     """The delay beyond `latency` is estimated again for the new one, not added to it."""
     values = node_values(

@@ -183,12 +183,12 @@ def test_parameters_launch_file_same_values(
     law, prefix = {'law': 'smc'}, f'/{namespace}' if namespace else ''
     expected = comparable(load_scenario(str(files['paper in real time']), ['controller.law=smc']))
     # Without a file, and with a file whose values an argument replaces.
-    by_default = launched(tmp_path, pacing='realtime', **law, **context)
+    by_default = launched(pacing='realtime', **law, **context)
     other = tmp_path / 'other.yaml'
     other.write_text(
         files['paper in real time'].read_text() + block('/**', {'pacing': 'lockstep'})
     )
-    by_file = launched(tmp_path, pacing='realtime', params_file=str(other), **law, **context)
+    by_file = launched(pacing='realtime', params_file=str(other), **law, **context)
     for commands in (by_default, by_file):
         active = comparable(values_of_nodes(tmp_path, commands, prefix))
         for node in NODES:

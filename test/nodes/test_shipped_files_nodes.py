@@ -48,10 +48,10 @@ def test_shipped_file_nodes_in_namespace_use_its_values(
     with processes(tmp_path) as started, peer(started.domain) as tester:
         records = {n: tester.collect(String, f'/left/{n}/parameters') for n in NODES}
         for executable, arguments in launched(
-            tmp_path, params_file=str(file), namespace='left', record='false', composed='true'
+            params_file=str(file), namespace='left', record='false', composed='true'
         ):
             # The plant waits for one node more: 20 ticks can end before the test receives any.
-            assert "plant:wait_for:=['trajectory', 'controller']" in arguments
+            assert 'plant:wait_for:=["trajectory", "controller"]' in arguments
             awaited = ['-p', f'plant:wait_for:={[*AWAITED, WITNESS]}']
             composed = started.start(
                 executable, *arguments, '--ros-args', *awaited, environment=INTERPRETED

@@ -5,19 +5,27 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 import signal
+import time
 from typing import Any
 
 from helpers.live_run import live_run, LiveRun
 from helpers.log_contents import read_log
 from helpers.processes import peer, processes, ros_arguments, shortened
+from masmc_ros.log.read.reader import read_run
 from masmc_ros.loop.controller_events import ACTIVATED, ADAPTATION_RESET, DEACTIVATED, RESUMED
 from masmc_ros.messages.commands import EffortCdr
+from masmc_ros.messages.names import JOINTS
 from masmc_ros.messages.parameter_record import read_record
 from masmc_ros.messages.reference_window import ReferenceWindow
+from masmc_ros.report.measure.metrics import metrics
+from masmc_ros.report.measure.table import cells
+from nav_msgs.msg import Odometry
 import numpy as np
 import pytest
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import SetBool, Trigger
 
@@ -85,6 +93,95 @@ def test_controller_services_and_timeouts_change_state(tmp_path: Path) -> None:
         run.end()
     contents = read_log(run.log)
     assert contents.messages['diagnostics']
+
+
+def test_controller_second_source_of_states_fault(tmp_path: Path) -> None:
+    """Zeros next to the plant's states are named and end the law, until they end."""
+    with live_run(tmp_path) as run:
+        run.wait_for_progress()
+        states = run.tester.publisher(JointState, 'joint_states')
+        message = JointState(name=list(JOINTS), position=[0.0] * 7, velocity=[0.0] * 7)
+
+        def is_fault() -> bool:
+            stamp = run.stamp + 1_000_000
+            message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
+            states.publish(message)
+            return run.states[-1].startswith('fault: states of two robots: joint_states from ')
+
+        run.tester.until(is_fault, 'the fault')
+        assert '/plant' in run.states[-1]
+        run.wait_for_report('controller', 'senders of inputs', '/plant')
+        run.tester.node.destroy_publisher(states)
+        run.wait_for_progress()
+        assert run.nodes['controller'].logged('WARN', 'more than one sender: joint_states from')
+        run.end()
+
+
+@pytest.mark.slow
+def test_controller_second_source_of_odometry_fault(tmp_path: Path) -> None:
+    """Another pose next to the plant's odometry is named and ends the law, until it ends."""
+    settings = {'pose_source': 'odom', 'plant__odom_decimation': 5, 'runaway_detection': 'false'}
+    with live_run(tmp_path, **settings) as run:
+        run.wait_for_progress()
+        source = run.tester.publisher(Odometry, 'odom')
+        message = Odometry()
+        message.pose.pose.position.x, message.pose.pose.orientation.w = 5.0, 1.0
+        # The states of this process may be late; the controller uses odometry of the last 0.1 s.
+        shifts = itertools.cycle((1_000_000, 100_000_000, 300_000_000))
+        started = time.monotonic()
+
+        def is_fault() -> bool:
+            stamp = run.stamp + next(shifts)
+            message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
+            source.publish(message)
+            return run.states[-1].startswith('fault: states of two robots: odom from ')
+
+        run.tester.until(is_fault, 'the fault')
+        assert all(name in run.states[-1] for name in ('/plant', '/peer'))
+        run.wait_for_report('controller', 'senders of inputs', '/plant')
+        run.tester.node.destroy_publisher(source)
+        run.wait_for_progress()
+        assert run.nodes['controller'].logged('WARN', 'more than one sender: odom from')
+        lines = run.nodes['trajectory'].logged('INFO', 'the robot was set back')
+        assert len(lines) <= time.monotonic() - started + 1.0
+        run.end()
+
+
+@pytest.mark.slow
+def test_controller_restarted_plant_is_no_second_robot(tmp_path: Path) -> None:
+    """The killed plant stays in the graph for a time; the new one starts at another state."""
+    with live_run(tmp_path) as run:
+        # The restart moves the base back by 0.2 m, ten times the smallest jump.
+        run.wait_for_progress(1.0)
+        run.nodes['plant'].signal(signal.SIGKILL)
+        run.nodes['plant'].wait()
+        run.wait_for_state('fault', 'joint_states')
+        run.start('plant')
+        run.wait_for_earlier_report(
+            'controller', 'senders of inputs', 'joint_states from /plant and /plant'
+        )
+        # A second robot would be detected within this time.
+        run.wait_for_progress(1.0)
+        assert not any('two robots' in text for text in run.states)
+        run.end()
+
+
+@pytest.mark.slow
+def test_controller_second_sender_of_references_named(tmp_path: Path) -> None:
+    """It may be intended, so it is named and no fault."""
+    with live_run(tmp_path) as run:
+        run.wait_for_progress()
+        reference = run.tester.publisher(Float64MultiArray, 'reference')
+        for name in ('reference from ', '/trajectory', '/peer'):
+            run.wait_for_report('controller', 'senders of inputs', name)
+        run.wait_for_progress()
+        assert not any('two robots' in text for text in run.states)
+        run.tester.node.destroy_publisher(reference)
+        run.tester.until(
+            lambda: 'senders of inputs' not in run.health['controller'], 'a single sender'
+        )
+        assert run.nodes['controller'].logged('WARN', 'more than one sender: reference from ')
+        run.end()
 
 
 def test_controller_disabled_or_guided_keeps_the_arm(tmp_path: Path) -> None:
@@ -230,3 +327,38 @@ def test_torque_limits_hold_across_all_controller_states(tmp_path: Path) -> None
     assert (np.abs([message.data[2:] for message in requested]) > limit).any()
     for event in (ACTIVATED, DEACTIVATED, ADAPTATION_RESET):
         assert event in events, events
+
+
+def test_report_of_stopped_controller_names_reasons(tmp_path: Path) -> None:
+    with live_run(tmp_path, fault_action='void') as run:
+        run.wait_for_progress()
+        call(run, 'enable', False)
+        run.wait_for_state('inactive: disabled')
+        call(run, 'enable', True)
+        run.wait_for_progress()
+        run.nodes['plant'].signal(signal.SIGSTOP)
+        run.wait_for_state('fault', 'joint_states')
+        run.nodes['plant'].signal(signal.SIGCONT)
+        run.wait_for_progress()
+        # On a busy machine this process sees stamps later than the controller.
+        asked = run.stamp
+        call(run, 'emergency_stop')
+        run.wait_for_state('fault: emergency stop')
+        stop = run.stamp
+        run.tester.until(lambda: run.stamp > 1.5 * stop, 'states after the stop')
+        seen = run.stamp
+        run.end()
+    logged = read_run(run.log)
+    row = metrics(logged)
+    disabled, timeout, stopped = row.notes[-3:]
+    assert disabled.startswith('Controller inactive: disabled, from t = ')
+    assert timeout.startswith('Controller fault: ')
+    assert 'joint_states' in timeout
+    assert stopped.startswith('Controller fault: emergency stop, from t = ')
+    assert stopped.endswith(' s to the end.')
+    end = float(stopped.partition('from t = ')[2].split()[0])
+    assert asked * 1e-9 - 0.001 <= end + logged.times[0] <= seen * 1e-9
+    assert row.errors is not None
+    assert row.errors.last == pytest.approx(end, abs=0.1)
+    ((_, window, *_),) = cells({'run': row})
+    assert window.startswith(f'{row.start:g}-{row.end:g} (only ')

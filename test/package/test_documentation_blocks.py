@@ -18,23 +18,29 @@ import re
 import shlex
 import shutil
 import subprocess
+from typing import Any
 
 from helpers import small_tree
 from helpers.launch_file import launched
 from helpers.pages import all_commands, blocks, page_name, PAGES, ROOT
+from helpers.typed_messages import typed_message
 from masmc_ros.cli.commands.run import NODES
 from masmc_ros.cli.main import parser_for
 from masmc_ros.control.lifecycle import TRANSITIONS
+from masmc_ros.errors import InputError
+from masmc_ros.messages.names import JOINTS
 from masmc_ros.messages.topics import TOPICS
+from masmc_ros.nodes.trajectory.path_messages import PathMessages
 from masmc_ros.params.node_parameters import declared
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.mechanisms import DEFAULT, mechanism_from
 import pytest
+from rclpy.serialization import serialize_message
 import yaml
 
 each_page = pytest.mark.parametrize('page', PAGES, ids=page_name)
 COMPOSED = ('plant', 'trajectory', 'controller', 'recorder')
-UNCHECKED = {'git', 'cd', '.', 'dask', 'rosdep', 'colcon', 'ssh', 'rviz2', 'sudo'}
+UNCHECKED = {'git', 'cd', './example', '.', 'dask', 'rosdep', 'colcon', 'ssh', 'rviz2', 'sudo'}
 """Commands of other programs, which use nothing of this repository."""
 
 
@@ -75,6 +81,12 @@ def check_node(node: str, arguments: Sequence[str]) -> None:
             assert word in ('--ros-args', '--record'), word
 
 
+def read_path(topic: str, message: Any) -> None:
+    """Check a message with a path as the trajectory node does, for the paper's robot."""
+    read = PathMessages(DEFAULT, JOINTS, '').topics[topic][1]
+    read(topic, serialize_message(message))
+
+
 @cache
 def services() -> frozenset[tuple[str, str]]:
     """Return type and name of the services of all nodes."""
@@ -90,7 +102,7 @@ def _ros2(words: Sequence[str], folder: Path) -> None:
         case ['run', 'masmc_ros', node, *arguments]:
             check_node(node, arguments)
         case ['launch', 'masmc_ros', file, *arguments]:
-            launched(folder, file, **dict(argument.split(':=') for argument in arguments))
+            launched(file, **dict(argument.split(':=') for argument in arguments))
         case ['param', 'get' | 'set', node, name, *_]:
             assert name in known(node.rpartition('/')[2])
         case ['service', 'call', name, kind, *_]:
@@ -101,6 +113,8 @@ def _ros2(words: Sequence[str], folder: Path) -> None:
             assert label in {transition.label for transition in TRANSITIONS}
         case ['topic', 'echo', topic]:
             assert topic in {t.name for t in TOPICS} | {f'/{t.name}' for t in TOPICS}
+        case ['topic', 'pub', '--once', topic, kind, text]:
+            read_path(topic.lstrip('/'), typed_message(kind, text))
         case ['bag', *_]:
             pass  # another package
         case _:
@@ -108,6 +122,8 @@ def _ros2(words: Sequence[str], folder: Path) -> None:
 
 
 def _make(words: Sequence[str], folder: Path) -> None:
+    if '-C' in words:  # the Makefile of a written folder
+        return
     targets = re.findall(r'^([a-z-]+):', (ROOT / 'Makefile').read_text(), re.MULTILINE)
     for word in words[1:]:
         assert word in targets or re.fullmatch(r'[A-Z]+=.*', word), word
@@ -165,6 +181,8 @@ def test_commands_in_text_have_valid_arguments(page: Path, tmp_path: Path) -> No
         'ros2 param set /controller ks_1 1',
         'ros2 service call /controller/enable std_srvs/srv/Trigger',
         'ros2 lifecycle set /controller start',
+        'ros2 topic pub --once /trajectory/joint_trajectory trajectory_msgs/msg/JointTrajectory '
+        '"{joint_names: [arm_joint_3], points: [{positions: [1.0]}]}"',
         'make everything',
         'pip install foxglove',
         'python -m benchmarks.none',
@@ -173,7 +191,7 @@ def test_commands_in_text_have_valid_arguments(page: Path, tmp_path: Path) -> No
 )
 def test_wrong_commands_are_rejected(line: str, tmp_path: Path) -> None:
     words = shlex.split(line)
-    with pytest.raises((AssertionError, ModuleNotFoundError)):
+    with pytest.raises((AssertionError, InputError, ModuleNotFoundError)):
         CHECKS[words[0]](words, tmp_path)
 
 
@@ -193,12 +211,14 @@ FOLDERS = ('masmc_ros', 'test', 'config', 'benchmarks')
 
 WRITTEN = {
     'bench.json',
+    'example.c',
     'layout.json',
     'metadata.yaml',
     'tuned.yaml',
     'first_torque.yaml',
     'my_path.yaml',
     'my_robot.yaml',
+    'results.json',
 }
 """Files that commands or users write."""
 

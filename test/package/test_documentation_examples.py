@@ -4,12 +4,15 @@
 """
 Blocks of README.md and docs/ are run, page by page, in a separate folder and ROS domain.
 
-- Python: a block that starts with `# NAME.py` is written to this file and imported. With lines
+- Python: a block that starts with `# NAME.py` is written to this file and imported; `--controller`
+  reads the file. With lines
   `...` it is an excerpt of test/helpers/NAME.py. A block that starts with `# in masmc_ros/NAME.py`
   uses the names of this module. `setup(...)` installs entry points. Other blocks share names.
 - YAML: a block that starts with `# NAME.yaml` is written to this file, or appended to it.
 - Shell: `masmc` commands, and their equivalents `ros2 run` and `ros2 param`. Simulations are
   shortened, and comparisons have few laws. A node runs until the page ends or starts it again.
+  Plain Python computes single runs and those of URDF robots, with the same bits: compiling them
+  takes longer than so few ticks.
 - Console: as shell, and the output must be the documented one; `...` stands for any text.
 - Diff: the unchanged and the added lines are in the file that the text names before.
 
@@ -36,7 +39,7 @@ import sys
 import threading
 
 from helpers.child_environment import child_environment, domain, domain_variables
-from helpers.command_process import CommandProcess, PATIENCE, run_command
+from helpers.command_process import CommandProcess, COMPILING, PATIENCE, run_command, SERVED
 from helpers.pages import commands, console, document, page_name, PAGES, ROOT
 import pytest
 from sybil.example import Example
@@ -48,10 +51,19 @@ INSIDE = re.compile(r'# in masmc_ros/([\w/]+)\.py\b')
 SAMPLES = {'tiago.yaml': 'tiago', 'other.mcap': '', 'run.mcap': ''}
 """Files that pages use and do not write, and the configurations they are; others are `paper`."""
 
+TREES = 'my_robot.yaml', 'tiago', 'config/tiago.yaml'
+"""Files of URDF robots."""
+
+OTHER_NODES = '/plant', '/trajectory'
+"""Nodes other than the controller whose parameters pages change."""
+
 CAMPAIGNS = ('sweep', 'monte-carlo', 'tune')
 
 SMALLER = {'--seeds': '2', '--runs': '2', '--evaluations': '4'}
 """Options of commands that compute many runs, with numbers that take little time."""
+
+INTERPRETED = {'NUMBA_DISABLE_JIT': '1'}
+"""Environment of commands that plain Python computes."""
 
 WHOLE = {'run.mcap', '--list', 'excite.yaml'}
 """Arguments of `masmc simulate` whose run is not shortened."""
@@ -184,45 +196,55 @@ class PageRun:
             case ['masmc' | 'ros2', 'run', *arguments] if '--help' not in arguments:
                 self._start([word for word in arguments if word != 'masmc_ros'])
                 return ''
-            case ['masmc', 'view', *arguments]:
-                return self._view(arguments)
+            case ['masmc', 'view' | 'play', *arguments]:
+                return self._serve(words[1], arguments)
             case ['masmc', 'demo', *arguments] if '--robot' in arguments:
                 return None  # as long as a whole run of this robot
             case ['masmc', *arguments] if '--scheduler' in arguments:
                 return None  # test_cluster.py has one
+            case ['masmc', 'laws', '--cost']:
+                return None  # it compiles every law; test_compare.py executes it for few
             case ['masmc' | 'ros2', 'param', *arguments]:
-                if not self._nodes:  # the page assumes running nodes
-                    self._start(['controller'])
-                arguments = ['param', *arguments, '--timeout', '180']
+                name = next((w[1:] for w in words if w in OTHER_NODES), 'controller')
+                if not {name, 'composed'} & self._nodes.keys():  # the page assumes running nodes
+                    self._start([name])
+                arguments = ['param', *arguments, '--timeout', f'{COMPILING:g}']
                 # A negative number after the options would be one.
                 if len(words) > 4 and words[-1].startswith('-'):
                     arguments.remove(words[-1])
                     arguments += ['--', words[-1]]
                 return self._masmc(arguments)
             case ['masmc', *arguments]:
-                return self._masmc(self._shortened(arguments))
+                return self._masmc(*self._shortened(arguments))
         return None
 
-    def _shortened(self, arguments: list[str]) -> list[str]:
+    def _shortened(self, arguments: list[str]) -> tuple[list[str], bool]:
+        """Return arguments that take less time, and if the command is not to be compiled."""
         command = arguments[0]
-        if command in ('compare', *CAMPAIGNS) or (
+        is_shortened = command in ('compare', *CAMPAIGNS) or (
             command == 'simulate' and not WHOLE & set(arguments[1:2])
-        ):
-            arguments += ['--set', 'duration=0.2']
+        )
+        if is_shortened:
+            arguments += ['--set', 'duration=0.05']
         for option, value in SMALLER.items():
             if option in arguments:
                 arguments[arguments.index(option) + 1] = value
         if command == 'compare' and '--laws' not in arguments:
-            arguments += ['--laws', 'smc,rasmc']  # not all laws: each is compiled
-        return arguments
+            arguments += ['--laws', 'smc,rasmc']
+        is_interpreted = is_shortened and (command == 'simulate' or arguments[1] in TREES)
+        return arguments, is_interpreted
 
-    def _masmc(self, arguments: list[str]) -> str:
+    def _masmc(self, arguments: list[str], is_interpreted: bool = False) -> str:
         self._prepare(arguments)
-        # These start processes, or compile for longer than the patience of a forked command.
-        is_long = arguments[0] in ('compare', 'demo', 'laws', *CAMPAIGNS)
-        is_fresh = is_long or any(self._site.iterdir())
+        if '--controller' in arguments:
+            place = arguments.index('--controller') + 1
+            arguments[place] = str(self._site / arguments[place])
+        # These start processes. Numba reads its variables when it is imported.
+        starts = arguments[0] in ('compare', 'demo', 'laws', *CAMPAIGNS)
+        is_fresh = starts or is_interpreted or any(self._site.iterdir())
         run = _run_fresh if is_fresh else run_command
-        done = run(*arguments, folder=self._folder, environment=self._variables)
+        variables = {**self._variables, **(INTERPRETED if is_interpreted else {})}
+        done = run(*arguments, folder=self._folder, environment=variables, patience=COMPILING)
         # `masmc param set` prints why a value is rejected.
         expected = 1 if done.stderr.startswith('Setting parameter failed') else 0
         assert done.returncode == expected, f'{shlex.join(arguments)}\n{done.stdout}{done.stderr}'
@@ -232,7 +254,8 @@ class PageRun:
         """Create the files that a command reads and that the page has not written."""
         for before, word in pairwise(arguments):
             path = self._folder / folder / word
-            if before != '--output' and word.endswith(('.mcap', '.yaml')) and not path.exists():
+            is_read = before not in ('--output', '--write')
+            if is_read and word.endswith(('.mcap', '.yaml')) and not path.exists():
                 config = ROOT / 'config' / f'{SAMPLES.get(word, "paper")}.yaml'
                 written = self._folder / word
                 sample = self._log if word.endswith('.mcap') else config
@@ -244,8 +267,8 @@ class PageRun:
         name = arguments[0]
         self.end_nodes([name])
         self._prepare(arguments, 'nodes')
-        if name == 'live':  # the default port may be in use
-            pytest.importorskip('foxglove')
+        if name in SERVED:  # the default port may be in use
+            pytest.importorskip(SERVED[name])
             arguments = [*arguments, '--ros-args', '-p', 'port:=0']
         folder = self._folder / 'nodes'
         self._nodes[name] = CommandProcess(
@@ -257,7 +280,7 @@ class PageRun:
         )
         responding = 'controller' if name == 'composed' else name
         try:
-            self._masmc(['param', 'list', f'/{responding}', '--timeout', '180'])
+            self._masmc(['param', 'list', f'/{responding}', '--timeout', f'{COMPILING:g}'])
         except AssertionError:
             raise AssertionError(self._output(name)) from None
 
@@ -265,13 +288,16 @@ class PageRun:
         folder = self._folder / 'nodes' / 'output'
         return '\n'.join((folder / f'{name}.{end}').read_text() for end in ('out', 'err'))
 
-    def _view(self, arguments: list[str]) -> str:
-        """Serve a log until the instructions are printed."""
-        self._prepare(['view', *arguments])
+    def _serve(self, command: str, arguments: list[str]) -> str:
+        """Serve a log or a page until the instructions are printed."""
+        self._prepare([command, *arguments])
+        if command == 'play':
+            pytest.importorskip(SERVED['play'])
+            arguments = [*arguments, '--no-browser', '--port', '0']
         # Without viewers, on a desktop.
         variables = {**self._variables, 'PATH': '/usr/bin:/bin', 'DISPLAY': ':0'}
         with subprocess.Popen(
-            [sys.executable, '-m', 'masmc_ros.cli.main', 'view', *arguments],
+            [sys.executable, '-m', 'masmc_ros.cli.main', command, *arguments],
             cwd=self._folder,
             env=variables,
             stdout=subprocess.PIPE,
@@ -305,7 +331,7 @@ ANY_TEXT = {
 
 
 def _run_fresh(
-    *arguments: str, folder: Path, environment: dict[str, str]
+    *arguments: str, folder: Path, environment: dict[str, str], patience: float
 ) -> subprocess.CompletedProcess[str]:
     """Run `masmc ARGUMENTS` with packages installed by the page."""
     return subprocess.run(
@@ -314,7 +340,7 @@ def _run_fresh(
         env=environment,
         capture_output=True,
         text=True,
-        timeout=10 * PATIENCE,
+        timeout=patience,
         stdin=subprocess.DEVNULL,
     )
 

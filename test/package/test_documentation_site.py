@@ -5,9 +5,13 @@
 
 from __future__ import annotations
 
+import importlib
 from itertools import pairwise
 from pathlib import Path
 import re
+from types import SimpleNamespace
+
+import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / 'docs'
@@ -66,3 +70,25 @@ def test_katex_style_is_of_the_script_version() -> None:
     constraints = (ROOT / 'constraints.txt').read_text(encoding='utf-8')
     assert 'KATEX=0.16.22\n' in script
     assert 'sphinxcontrib-katex==0.9.11\n' in constraints, 'check the version of KaTeX it has'
+
+
+@pytest.mark.parametrize(
+    ('url', 'expected'),
+    [
+        ('', 'See `x` of the file, and [here](page.md).'),
+        (
+            'https://host.example/r',
+            'See [`x` of the file](<https://host.example/r/blob/main/config/x.yaml#a>),'
+            ' and [here](page.md).',
+        ),
+    ],
+)
+def test_links_to_sources_need_a_repository(
+    url: str, expected: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(DOCS / '_extensions')
+    extension = importlib.import_module('repository_links')
+    app = SimpleNamespace(config=SimpleNamespace(repository_url=url))
+    source = ['See [`x` of the file](../../config/x.yaml#a), and [here](page.md).']
+    extension._rewrite_links(app, 'guides/recording', source)
+    assert source == [expected]

@@ -87,6 +87,13 @@ def test_metric_of_documentation_is_in_tables(site: Path) -> None:
     assert 'largest torque' in (site / 'report' / 'report.html').read_text(encoding='utf-8')
 
 
+def test_metric_without_sums_is_named_by_campaigns(site: Path) -> None:
+    settings = '--set', 'duration=0.003', '--set', 'control_period=0.001'
+    said = masmc(site, 'sweep', 'config/paper.yaml', '--vary', 'controller.sigma=0,1', *settings)
+    assert 'not computed in campaigns: largest torque' in said
+    assert 'largest torque' not in said.split('not computed')[0]
+
+
 def test_node_of_documentation_publishes_largest_speed(site: Path, tmp_path: Path) -> None:
     with processes(tmp_path) as started, peer(started.domain) as tester:
         received: list[Float64] = []

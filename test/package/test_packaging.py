@@ -9,6 +9,7 @@ import ast
 from itertools import pairwise
 from pathlib import Path
 import re
+import shutil
 import subprocess
 import sys
 from xml.etree import ElementTree
@@ -25,6 +26,7 @@ CONSTRAINTS = (ROOT / 'constraints.txt').read_text(encoding='utf-8')
 
 ROSDEP = {
     'jinja2': 'python3-jinja2',
+    'llvmlite': 'python3-numba',
     'markupsafe': 'python3-jinja2',
     'matplotlib': 'python3-matplotlib',
     'numba': 'python3-numba',
@@ -34,7 +36,7 @@ ROSDEP = {
     'mcap_ros2': 'mcap-ros2-support',
     'rosbags': 'python3-rosbags-pip',
 }
-"""Modules and their rosdep keys (markupsafe is part of the key of jinja2)."""
+"""Modules and their rosdep keys (those of jinja2 and numba include markupsafe and llvmlite)."""
 
 PIP = {**PACKAGES, 'yaml': 'PyYAML'}
 
@@ -83,6 +85,33 @@ def pip_requirements() -> set[str]:
     return names
 
 
+STABLE = {'distributed', 'pandas', 'pyarrow', 'scipy', 'xarray'}
+"""Packages of the commands' extras of which any recent version fits."""
+
+
+def test_extras_bind_tested_versions_at_both_ends() -> None:
+    extras = next(
+        node.value for node in ast.walk(ast.parse(SETUP))
+        if isinstance(node, ast.keyword) and node.arg == 'extras_require'
+    )
+    tested = dict(re.findall(r'^([\w-]+)==(\S+)$', CONSTRAINTS, re.MULTILINE))
+    names = []
+    for entry in ast.walk(extras):
+        text = entry.value if isinstance(entry, ast.Constant) else ''
+        if bounded := re.fullmatch(r'([\w-]+)>=([\d.]+),<([\d.]+)', str(text)):
+            names.append(bounded[1])
+            low, version, high = (
+                [int(part) for part in number.split('.')]
+                for number in (bounded[2], tested[bounded[1]], bounded[3])
+            )
+            assert low <= version < high, text
+    assert {'mujoco-core', 'clarabel', 'pin'} <= set(names)
+    lists = [node for node in ast.walk(extras) if isinstance(node, ast.List)]
+    texts = [str(n.value) for entry in lists for n in entry.elts if isinstance(n, ast.Constant)]
+    free = {text.lower() for text in texts if re.fullmatch(r'[\w-]+', text)}
+    assert free & {name.lower() for name in PACKAGES.values()} <= STABLE
+
+
 def test_architecture_names_every_dependency() -> None:
     page = (ROOT / 'docs' / 'development' / 'architecture.md').read_text(encoding='utf-8')
     section = page.partition('## Dependencies')[2].partition('\n## ')[0]
@@ -98,16 +127,56 @@ def test_architecture_names_every_dependency() -> None:
     assert requirements | rosdep <= named
 
 
-def test_package_xml_and_setup_py_same_maintainer_and_url() -> None:
-    url = MANIFEST.findtext("url[@type='repository']")
+def metadata(root: Path) -> dict[str, str]:
+    """Return version, maintainer, e-mail and URL from the setup.py in a folder."""
+    names = ('version', 'maintainer', 'maintainer-email', 'url')
+    result = subprocess.run(
+        [sys.executable, 'setup.py', '--quiet', *(f'--{name}' for name in names)],
+        cwd=root, capture_output=True, text=True, timeout=180.0, check=True,
+    )  # fmt: skip
+    return dict(zip(names, result.stdout.splitlines()[-len(names):], strict=True))
+
+
+def test_contact_of_setup_py_is_that_of_package_xml(tmp_path: Path) -> None:
     maintainer = MANIFEST.find('maintainer')
-    assert url is not None
     assert maintainer is not None
-    assert re.fullmatch(r'https://github\.com/[\w-]+/masmc_ros', url)
-    assert f"url='{url}'" in SETUP
-    assert f"maintainer_email='{maintainer.get('email')}'" in SETUP
-    assert '.invalid' not in SETUP + str(maintainer.attrib)
-    assert f'git clone {url}' in (ROOT / 'README.md').read_text(encoding='utf-8')
+    version, email = str(MANIFEST.findtext('version')), str(maintainer.get('email'))
+    url = MANIFEST.findtext("url[@type='repository']")
+    expected = {
+        'version': version,
+        'maintainer': str(maintainer.text),
+        'maintainer-email': 'None' if email.endswith('.invalid') else email,
+        'url': str(url),
+    }
+    assert metadata(ROOT) == expected
+    for name in ('setup.py', 'package.xml', 'README.md'):
+        shutil.copy(ROOT / name, tmp_path)
+    shutil.copytree(ROOT / 'masmc_ros' / 'jit', tmp_path / 'masmc_ros' / 'jit')
+    text = (tmp_path / 'package.xml').read_text(encoding='utf-8')
+    released = '<url type="repository">https://host.example/masmc_ros</url>\n  <author>'
+    text = text.replace(email, 'team@host.example').replace('<author>', released)
+    (tmp_path / 'package.xml').write_text(text, encoding='utf-8')
+    contact = {'maintainer-email': 'team@host.example', 'url': 'https://host.example/masmc_ros'}
+    assert metadata(tmp_path) == {**expected, **contact}
+
+
+def test_contact_stands_in_package_xml_alone() -> None:
+    """No file names another address or repository of this package, real or not."""
+    maintainer = MANIFEST.find('maintainer')
+    assert maintainer is not None
+    kinds = ('*.md', '*.rst', '*.cff', '*.toml', '*.cfg', '*.xml', '*.yaml', '*.ipynb', '*.py')
+    folders = ('docs', 'masmc_ros', '.github', 'launch', 'config')
+    files = [path for kind in kinds for path in ROOT.glob(kind)]
+    files += [path for folder in folders for kind in kinds for path in (ROOT / folder).rglob(kind)]
+    addresses, repositories = set(), set()
+    for path in files:
+        text = path.read_text(encoding='utf-8')
+        addresses |= set(re.findall(r'[\w.+-]+@[\w-]+\.[a-z][\w.-]*', text))
+        repositories |= set(re.findall(r'https?://[^\s<>"\')]*masmc[\w./-]*', text))
+    assert addresses <= {maintainer.get('email')}
+    urls = {element.text for element in MANIFEST.findall('url')}
+    assert repositories <= urls, repositories - urls
+    assert len(files) > 500
 
 
 def test_constraints_have_both_ends_of_supported_numba() -> None:
@@ -173,6 +242,7 @@ def test_control_nodes_with_rosdep_packages_only(node: str) -> None:
         ('mcap', ['run', 'recorder']),
         ('plotly', ['report', 'run.mcap']),
         ('zstandard', ['recover', 'run.mcap']),
+        ('ruckig', ['simulate', 'paper', '--set', 'trajectory.type=set_point']),
     ],
 )
 def test_masmc_missing_package_one_error_line(module: str, arguments: list[str]) -> None:

@@ -25,6 +25,7 @@ ORDER = (
     'law',
     'reference',
     'loop',
+    'native',
     'physics',
     'messages',
     'control',

@@ -8,6 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 import signal
 
+from helpers.command_process import SERVED
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
 from masmc_ros.params.scenario import load_scenario
@@ -56,17 +57,17 @@ def test_shared_file_foreign_parameters_are_reported_and_ignored(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('node', ['plant', 'controller', 'trajectory', 'recorder', 'live'])
+@pytest.mark.parametrize('node', ['plant', 'controller', 'trajectory', 'recorder', 'live', 'play'])
 def test_shared_file_nodes_report_foreign_parameters(
     shared: Path, tmp_path: Path, node: str
 ) -> None:
-    if node == 'live':
-        pytest.importorskip('foxglove')
+    if node in SERVED:
+        pytest.importorskip(SERVED[node])
     from helpers.processes import peer, processes, ros_arguments
 
     with processes(tmp_path) as started, peer(started.domain) as tester:
         output = {'output': tmp_path / 'run.mcap'} if node == 'recorder' else {}
-        output |= {'port': 0} if node == 'live' else {}
+        output |= {'port': 0} if node in SERVED else {}
         running = started.start(node, *ros_arguments(shared, **output))
         tester.until(lambda: running.logged('WARN', FOREIGN), 'the warning')
         tester.until(lambda: running.logged('INFO', 'waiting for'), 'a node that waits')
@@ -92,8 +93,10 @@ def test_installed_files_are_selected_by_name(
     assert {'paper', 'realtime', 'robust'} <= listed.keys()
     assert main(['simulate', 'paper', '--set', 'duration=0.1']) == 0
     assert 'rasmc' in capsys.readouterr().out
-    with pytest.raises(InputError, match=r'papr: no such file; .*paper, realtime, robust'):
+    with pytest.raises(InputError, match=r'papr: no such file; did you mean paper\?'):
         scenario_file('papr')
+    with pytest.raises(InputError, match=r'xyz: no such file; .*paper, realtime, robust'):
+        scenario_file('xyz')
     # A file of the user takes precedence, and a path is a file.
     Path('paper').write_text('')
     assert scenario_file('paper') == 'paper'

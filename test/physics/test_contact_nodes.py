@@ -16,8 +16,7 @@ from helpers.log_contents import read_log
 from helpers.processes import NODES, PAPER, processes, ros_arguments
 from masmc_ros.cli.main import main
 from masmc_ros.nodes.plant.health import PlantHealth
-from masmc_ros.nodes.process.diagnostics import OK, WARN
-from masmc_ros.nodes.process.rejected_messages import RejectedMessages
+from masmc_ros.nodes.process.diagnostics import OK, RejectedMessages, WARN
 from masmc_ros.plant.lateness import Lateness
 import mujoco  # noqa: F401 (without it there is nothing to test)
 

@@ -68,6 +68,7 @@ def rolling_inertia(values: dict[str, Any], angles: NDArray[np.float64]) -> NDAr
     parts = contact_model(robot_of(values), STEP, friction=0.8)
     data = mujoco.MjData(parts.model)
     data.qpos[parts.positions] = angles
+    data.qpos[parts.mimic_positions] = parts.multipliers * angles[parts.sources]
     mujoco.mj_forward(parts.model, data)
     whole = np.zeros((parts.model.nv, parts.model.nv))
     mujoco.mj_fullM(parts.model, data, whole)
@@ -75,6 +76,7 @@ def rolling_inertia(values: dict[str, Any], angles: NDArray[np.float64]) -> NDAr
     rolls = parts.rolling[:, ::2]
     constraint[[0, 5], :2] = np.linalg.inv(rolls)
     constraint[parts.rates, range(len(angles))] = 1.0
+    constraint[parts.mimic_rates, parts.sources] = parts.multipliers
     return np.asarray(constraint.T @ whole @ constraint)
 
 
@@ -95,16 +97,47 @@ def test_contact_model_inertia_equals_mechanism(angles: tuple[float, ...]) -> No
     check_inertia(load_scenario(PAPER, settings)['plant'], angles)
 
 
-@pytest.mark.slow
-def test_contact_model_inertia_equals_tree() -> None:
-    # A tree contains only the spin of wheels; therefore these are solids of revolution.
+def round_wheels() -> str:
+    """Return the small robot with wheels of revolution, because a tree has only their spin."""
     form = 'rpy="{}"/><mass value="1"/>\n<inertia ixx="0.003" ixy="{}" ixz="{}"'
     skewed, plain = form.format('0.2 -0.1 0.3', 0.0002, -0.0001), form.format('0 0 0', 0, 0)
     assert URDF.count(skewed) == 2
     head, *wheels = URDF.split(skewed)
     turned = [wheel.replace('iyz="0.0003"', 'iyz="0"', 1) for wheel in wheels]
-    round_wheels = plain.join([head, *turned])
-    check_inertia(tree_values(parameters(round_wheels)), START)
+    return plain.join([head, *turned])
+
+
+def mimicking() -> dict[str, Any]:
+    """Return the parameters of the small robot whose hand mimics its fore joint."""
+    hand = '<axis xyz="1 0 0"/>'
+    mimic = '<mimic joint="fore_joint" multiplier="-0.5" offset="0.2"/>'
+    values = parameters(round_wheels().replace(hand, hand + mimic))
+    return {**values, 'robot.posture': START[2:-1], 'initial_joints': START[:-1]}
+
+
+@pytest.mark.slow
+def test_contact_model_inertia_equals_tree() -> None:
+    check_inertia(tree_values(parameters(round_wheels())), START)
+    check_inertia(tree_values(mimicking()), START[:-1])
+
+
+@pytest.mark.slow
+def test_contact_mimic_joint_moves_as_in_mechanism() -> None:
+    calm = {'integrator_step': 0.00025, 'disturbance.amplitude': (0.0,)}
+    contact, ideal = (
+        plant_of(tree_values({**mimicking(), **calm, 'physics': physics}), 0.001)
+        for physics in ('mujoco', 'rigid')
+    )
+    start, torque = ideal.true_position.copy(), np.array([0.0, 0.0, 1.0, 60.0, 5.0, 3.0])
+    for _ in range(150):
+        contact.advance(torque)
+        ideal.advance(torque)
+        data, parts = contact._data, contact._parts
+        mimicked = parts.multipliers * data.qpos[parts.positions[parts.sources]]
+        assert abs(data.qpos[parts.mimic_positions] - mimicked) < 1e-8
+    travel, most = ideal.true_position - start, 0.02 * abs(ideal.true_position - start).max()
+    assert abs(travel[8]) > 0.1
+    np.testing.assert_allclose(contact.true_position - start, travel, atol=most)
 
 
 def test_contact_model_joint_friction_equals_mechanism() -> None:

@@ -159,7 +159,7 @@ def test_plant_core_last_tick_ends_run_once(kind: type[PlantCore]) -> None:
     if kind is LockStep:
         actions = command(core, 12.0)
     else:
-        core.on_parameters(11.9)
+        core.on_parameters(('real_time_factor',), 11.9)
         core.on_timer(12.0)
         assert core.is_due
         actions = core.on_due(12.0)
@@ -259,3 +259,28 @@ def test_plant_core_robot_diverges_run_fails() -> None:
     assert isinstance(failure, Failure)
     assert core.robot.tick < round(50.0 / PERIOD)
     assert command(core) == NOTHING
+
+
+def test_real_time_twist_with_stamp_zero_is_unlabelled() -> None:
+    """The header of a twist is empty at any time; a label of torques names the state of t = 0."""
+    for is_header, count in ((True, 0), (False, 1)):
+        core = core_of(RealTime, waits=False)
+        part = core.commands.parts[0]
+        part.is_zero_unlabelled = is_header
+        core.start(0.0)
+        core.stamp = 10**9
+        assert core.on_command(part, TORQUE, 0, 0.0) == NOTHING
+        assert (core.dropped, part.is_here) == (count, is_header)
+
+
+def test_real_time_dropped_commands_logged_once() -> None:
+    """Single late commands are counted; ten in a row have a clock of their own and get a line."""
+    core = core_of(RealTime, waits=False)
+    core.start(0.0)
+    actions = [action for _ in range(30) for action in command(core, stamp=10**18)]
+    assert core.dropped == 30
+    (line,) = actions
+    assert isinstance(line, Line)
+    assert 'part_0 ignored: its stamp is 1e+09 s' in line.text
+    command(core)
+    assert [command(core, now=9.0, stamp=10**18) for _ in range(9)] == [NOTHING] * 9

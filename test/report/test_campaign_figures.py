@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from masmc_ros.report.draw.campaign_figures import draws_figure, front_figure, map_figure, MapAxis
-from masmc_ros.report.draw.style import png
+from masmc_ros.report.draw.style import figure_file
 import numpy as np
 import pytest
 
@@ -24,4 +24,4 @@ def test_figures_of_runs_that_almost_diverged_are_drawn(largest: float) -> None:
         map_figure(AXES[:1], values, 'x'),
         front_figure(pairs, pairs[:1], pairs[:1], pairs[2:], 'x', 'y'),
     ):
-        assert png(figure).startswith(b'\x89PNG')
+        assert figure_file(figure).startswith(b'\x89PNG')

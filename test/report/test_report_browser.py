@@ -5,11 +5,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 import re
 import shutil
 import subprocess
+from threading import Event, Thread
 from typing import Any
 
 from helpers.browser import chromium, LIMIT, look, needs_chromium
@@ -40,6 +42,15 @@ LOOK = """
     buttons: [...document.querySelectorAll('[data-title]')].map((b) => b.dataset.title),
     canShare: charts.map((chart) => chart._context.showSendToCloud),
   };
+  const { left, top } = overTime[1].getBoundingClientRect();
+  const { _offset: offset, _length: length } = overTime[1]._fullLayout.xaxis;
+  overTime[1].dispatchEvent(new PointerEvent('pointermove', {
+    clientX: left + offset + length / 2, clientY: top + 50,
+  }));
+  await settle();
+  found.cursors = [...document.querySelectorAll('.cursor')].map((line) => !line.hidden);
+  found.values = [...document.querySelectorAll('.values')].map((text) => text.textContent);
+  found.units = overTime.map((chart) => chart.layout.yaxis.title.text);
   await Plotly.relayout(overTime[3], { 'xaxis.range[0]': 4, 'xaxis.range[1]': 6 });
   await settle();
   found.zoomed = { ranges: ranges(), ticks: ticks() };
@@ -90,6 +101,15 @@ def test_report_page_zoom_of_one_plot_applies_to_all(inspection: Mapping[str, An
             assert start <= min(ticks) < max(ticks) <= end
 
 
+@needs_chromium
+def test_report_page_cursor_shows_values_of_all_plots(inspection: Mapping[str, Any]) -> None:
+    assert inspection['cursors'] == [True] * (PLOTS - 2)
+    for text, quantity in zip(inspection['values'], inspection['units'], strict=True):
+        assert text.startswith('t = 10.000 s: ')
+        unit = re.search(r'\(([^()]*)\)$', quantity)
+        assert unit is None or text.endswith(f'({unit[1]})')
+
+
 @pytest.mark.slow
 @needs_chromium
 @pytest.mark.parametrize('width', [500, 1400])
@@ -127,12 +147,55 @@ def test_report_page_follows_colour_scheme(
     assert share(picture, line) > 1e-4
 
 
+class Waiting(BaseHTTPRequestHandler):
+    """Server of an image that arrives when the page has asked for another one."""
+
+    is_drawn = Event()
+
+    def do_GET(self) -> None:
+        if self.path == '/drawn.png':
+            self.is_drawn.set()
+        self.is_drawn.wait(LIMIT / 2)
+        self.send_error(404)
+
+    def log_message(self, *_: object) -> None:
+        """Print nothing."""
+
+
+@pytest.fixture
+def waiting() -> Iterator[str]:
+    """Yield the address of a server; the load event of a page with its image is that late."""
+    Waiting.is_drawn.clear()
+    with ThreadingHTTPServer(('127.0.0.1', 0), Waiting) as server:
+        thread = Thread(target=server.serve_forever, daemon=True)
+        thread.start()
+        try:
+            yield f'http://127.0.0.1:{server.server_port}'
+        finally:
+            Waiting.is_drawn.set()
+            server.shutdown()
+            thread.join(LIMIT)
+
+
 @needs_firefox
-def test_report_page_in_firefox_is_drawn(report: Path, tmp_path: Path) -> None:
+def test_report_page_in_firefox_is_drawn(report: Path, tmp_path: Path, waiting: str) -> None:
+    """Firefox takes the picture at the load event, which waits for an image."""
     assert FIREFOX is not None
-    picture = tmp_path / 'page.png'
-    command = [FIREFOX, '--headless', '--no-remote', '--profile', str(tmp_path), '--screenshot',
-               str(picture), '--window-size=1400,1600', report.as_uri()]  # fmt: skip
+    script = (
+        '<script>(async () => { while (!document.documentElement.dataset.drawn)'
+        ' await new Promise((go) => setTimeout(go, 50));'
+        f" new Image().src = '{waiting}/drawn.png'; }})();</script>"
+    )
+    text = report.read_text(encoding='utf-8')
+    assert text.count('img-src data:') == 1
+    text = text.replace('img-src data:', f'img-src {waiting} data:')
+    page, picture = tmp_path / 'page.html', tmp_path / 'page.png'
+    image = f'<img src="{waiting}/wait.png" alt="" hidden>'
+    page.write_text(text.replace('<noscript>', f'{image}{script}<noscript>'), encoding='utf-8')
+    (tmp_path / 'profile').mkdir()
+    command = [FIREFOX, '--headless', '--no-remote', '--profile', str(tmp_path / 'profile'),
+               '--screenshot', str(picture), '--window-size=1400,1600', page.as_uri()]  # fmt: skip
     subprocess.run(command, capture_output=True, timeout=LIMIT)
+    assert Waiting.is_drawn.is_set()
     assert share(picture, (0xFF, 0xFF, 0xFF)) > 0.7
     assert share(picture, BLUE) > 1e-4

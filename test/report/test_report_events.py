@@ -10,7 +10,7 @@ from dataclasses import replace
 from helpers.report_html import lines, Page
 from helpers.report_runs import paper_like, telling, with_change
 from masmc_ros.log.read.reader import Run
-from masmc_ros.loop.controller_events import ACTIVATED, ADAPTATION_RESET
+from masmc_ros.loop.controller_events import ACTIVATED, ADAPTATION_RESET, DEACTIVATED
 from masmc_ros.report.measure.labels import labels
 from masmc_ros.report.measure.metrics import metrics
 from masmc_ros.report.measure.tracking import Compared, tracking
@@ -63,7 +63,7 @@ def test_report_page_unlimited_torque_is_plotted_once() -> None:
 def test_report_page_events_are_marked_separately_from_changes() -> None:
     run = event(paper_like(k_s1=100.0), 2.0, ADAPTATION_RESET)
     assert labels([run]) == labels([paper_like(k_s1=100.0)])
-    run = event(with_change(run, 5.0, 'controller', k_s1=1.0), 5.0, ACTIVATED)
+    run = event(with_change(run, 9.0, 'controller', k_s1=1.0), 9.0, ACTIVATED)
     shown = page(run)
     (mark,) = (t for t in shown.figure('run-1-torque')['data'] if t['mode'] != 'lines')
     assert mark['text'] == ['adaptation reset', 'k_s1, activated']
@@ -74,6 +74,47 @@ def test_report_page_events_are_marked_separately_from_changes() -> None:
     _, *rows = shown.table(**{'class': 'changes'})
     assert rows == [
         ['2.000', '200', 'controller', 'adaptation reset', '', ''],
-        ['5.000', '500', 'controller', 'k_s1', '100.0', '1.0'],
-        ['5.000', '500', 'controller', 'activated', '', ''],
+        ['9.000', '900', 'controller', 'k_s1', '100.0', '1.0'],
+        ['9.000', '900', 'controller', 'activated', '', ''],
     ]
+
+
+def test_report_page_many_changes_share_marks() -> None:
+    run = paper_like(k_s1=100.0)
+    for index in range(200):
+        run = with_change(run, 1.0 + 0.01 * index, 'controller', k_s1=float(index))
+    shown = page(run)
+    figure = shown.figure('run-1-torque')
+    (mark,) = (t for t in figure['data'] if t['mode'] != 'lines')
+    assert mark['text'][0].startswith('k_s1 (')
+    assert len(mark['x']) == len(figure['layout']['shapes']) < 10
+    _, *rows = shown.table(**{'class': 'changes'})
+    assert len(rows) == 200
+
+
+def test_metrics_notes_list_last_events_and_count_earlier() -> None:
+    run = paper_like(k_s1=100.0)
+    for time, name in (
+        (1.0, DEACTIVATED), (2.0, ACTIVATED), (3.0, ADAPTATION_RESET), (4.0, DEACTIVATED)
+    ):  # fmt: skip
+        run = event(run, time, name)
+    assert metrics(run).notes == (
+        '1 earlier event of the controller before these:',
+        'Event activated at t = 2.000 s.',
+        'Event adaptation reset at t = 3.000 s.',
+        'Event deactivated at t = 4.000 s.',
+    )
+    # With the states of the controller, their reasons replace the events.
+    states = (run.times[0], 'active'), (run.times[0] + 1.5, 'fault: stop'), (9.0, 'active')
+    assert metrics(replace(run, controller_states=states)).notes == (
+        'Controller fault: stop, from t = 1.500 s to 9.000 s.',
+        'Event adaptation reset at t = 3.000 s.',
+    )
+
+
+def test_report_page_notes_are_apart_from_missing_data() -> None:
+    shown = page(event(paper_like(k_s1=100.0), 2.0, DEACTIVATED))
+    (remarks,) = shown.root.find_all('div', **{'class': 'remarks'})
+    assert 'Event deactivated at t = 2.000 s.' in remarks.text
+    for box in shown.root.find_all('div', **{'class': 'missing'}):
+        assert 'Event' not in box.text

@@ -20,7 +20,7 @@ from masmc_ros.log.read.reader import Run
 from masmc_ros.report.draw.comparison import comparison_figure
 from masmc_ros.report.draw.error import error_figure
 from masmc_ros.report.draw.figures import draw_figures, figure_names
-from masmc_ros.report.draw.style import paper_style, png
+from masmc_ros.report.draw.style import figure_file, paper_style
 from masmc_ros.report.measure.labels import labels
 from masmc_ros.report.measure.metrics import metrics
 from masmc_ros.report.measure.tracking import Compared, tracking
@@ -171,13 +171,13 @@ def test_report_figures_any_file_name_is_drawn() -> None:
     ]
     with paper_style():
         figure = comparison_figure(compared)
-        assert share(pixels(png(figure)), BLUE) > 1e-3
+        assert share(pixels(figure_file(figure)), BLUE) > 1e-3
         (legend,) = filter(None, (axes.get_legend() for axes in figure.axes))
         texts = [text.get_text() for text in legend.get_texts()]
         assert texts == ['_hidden', r'cost \$x_{\$', r'\$\frac\$', f'…{"a" * 39}', '%s {} "']
         for label, run, tracked in compared:
             drawn = error_figure(tracked, metrics(run), label, DEFAULT.points[0])
-            image = pixels(png(drawn))
+            image = pixels(figure_file(drawn))
             assert share(image, BLUE) > 1e-3
             assert (image[:, -1] == 255).all()  # the name is complete
 
@@ -187,7 +187,7 @@ def test_report_figure_letters_outside_font_give_no_warning(
 ) -> None:
     run = paper_like()
     with paper_style():
-        png(error_figure(tracking(run), metrics(run), '机器人', DEFAULT.points[0]))
+        figure_file(error_figure(tracking(run), metrics(run), '机器人', DEFAULT.points[0]))
     assert not recwarn.list
 
 

@@ -27,6 +27,7 @@ from masmc_ros.log.write.simulated import SimulationLog
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.report.measure.metrics import metrics, total_variation
+from masmc_ros.report.measure.table import text_table
 from masmc_ros.report.measure.tracking import tracking
 import numpy as np
 import pytest
@@ -229,3 +230,32 @@ def test_tracking_uses_lengths_of_plant_not_controller() -> None:
     assumed = {**PARAMETERS, 'robot.link_2_length': 0.1}
     both = replace(run, parameters={'controller': assumed, 'plant': PARAMETERS})
     np.testing.assert_array_equal(tracking(both).error, tracking(run).error)
+
+
+def test_metrics_run_that_ended_early_states_span(simulated: Run) -> None:
+    times = simulated.times - simulated.times[0]
+    window = (times[-1] / 4, times[-1])
+    stop = times[-1] / 2
+    tracked = tracking(simulated)
+    ended = replace(
+        tracked,
+        times=tracked.times[tracked.times < stop],
+        error=tracked.error[tracked.times < stop],
+    )
+    row = metrics(simulated, window=window, tracked=ended)
+    assert row.errors is not None
+    assert row.errors.last is not None
+    assert row.errors.last == pytest.approx(stop, abs=0.002 * times[-1])
+    assert row.errors.share == pytest.approx(1 / 3, abs=0.01)
+    table = text_table({'smc': row})
+    assert 'for 33% of the window' in table
+    assert f'(only {window[0]:g}-{round(row.errors.last, 2):g})' in table
+    assert 'smc' in (line := table.splitlines()[3])
+    assert '(only' in line
+    gap = (tracked.times < stop) | (tracked.times > 1.5 * stop)
+    torn = replace(tracked, times=tracked.times[gap], error=tracked.error[gap])
+    assert '(only 67%)' in text_table({'smc': metrics(simulated, window=window, tracked=torn)})
+    complete = metrics(simulated, window=window, tracked=tracked)
+    assert complete.errors is not None
+    assert complete.errors.share == pytest.approx(1.0, abs=1e-3)
+    assert 'only' not in text_table({'smc': complete})

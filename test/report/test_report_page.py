@@ -5,7 +5,9 @@
 
 from __future__ import annotations
 
+import base64
 from dataclasses import replace
+import gzip
 from pathlib import Path
 import re
 from typing import Any
@@ -85,16 +87,16 @@ def test_report_page_has_no_external_references(both: Page) -> None:
     assert both.addresses()
     assert all(address.startswith('#') for address in both.addresses())
     scripts = [e for e in both.root.find_all('script') if 'type' not in e.attributes]
-    assert len(scripts) == 2
+    assert len(scripts) == 1
     assert not any('src' in e.attributes for e in both.root.find_all('script'))
     assert not both.root.find_all('link')
     (style,) = both.root.find_all('style')
     assert 'url(' not in style.text
     assert '@import' not in style.text
     # plotly's script contains addresses for unused functions: the policy forbids them.
-    (plotly,) = (e for e in scripts if 'plotly.js v' in e.text)
-    content = both.root.text.replace(plotly.text, '')
-    assert not NETWORK.findall(content)
+    (plotly,) = both.root.find_all('script', id='plotly')
+    assert 'plotly.js v' in gzip.decompress(base64.b64decode(plotly.text)).decode()
+    assert not NETWORK.findall(both.root.text)
     (policy,) = both.root.find_all('meta', **{'http-equiv': 'Content-Security-Policy'})
     rules = dict(rule.split(maxsplit=1) for rule in policy.attributes['content'].split('; '))
     assert rules.pop('default-src') == "'none'"
@@ -144,10 +146,10 @@ def test_report_page_table_has_every_run_and_metric(both: Page, changed: Run) ->
     assert (first[0], second[0]) == ('smc, tanh δ 0.2, changed', 'rasmc, tanh δ 0.2')
     rms = metrics(changed).of('end_effector').rms
     assert rms is not None
-    assert float(first[2]) == pytest.approx(1e3 * rms, rel=1e-4)
+    assert float(first[2]) == pytest.approx(1e3 * rms, rel=5e-3)
     settles = first[head.index('E settles (s)')]
     settled = metrics(changed).of('end_effector').settling
-    assert float(settles) == pytest.approx(settled or 0.0, rel=1e-4)
+    assert float(settles) == pytest.approx(settled or 0.0, rel=5e-3)
     assert first[head.index('F settles (s)')] == 'does not'
 
 
@@ -246,7 +248,8 @@ def test_report_page_shows_origin_of_log(changed: Run) -> None:
     _, *rows = parsed.table(**{'class': 'topics'})
     assert rows == [['/joint_states', '2001'], ['/odom', '101']]
     details = [e.text for e in parsed.root.find_all('dd')]
-    assert details == ['a.mcap', '9.8.7', '6.5.4', '5 bytes']
+    facts = ['paper.yaml, 20 s', 'masmc_ros 9.8.7']
+    assert details == [*facts, 'a.mcap', '9.8.7', '6.5.4', '5 bytes']
 
 
 BARE: dict[str, Any] = {'parameters': {}, 'reference': None}
@@ -297,7 +300,7 @@ def test_report_page_log_with_states_only_is_complete(
     np.testing.assert_array_equal(path['x'], recorded.position[:, 0].astype(np.float32))
     wheel = lines(parsed.figure('run-1-torque'))['right wheel']
     np.testing.assert_array_equal(wheel['y'], recorded.effort[:, 3].astype(np.float32))
-    assert len(parsed.root.find_all('li')) == 7
+    assert len(parsed.root.find_all('li')) == 8
 
 
 def test_report_renamed_topics_prints_expected_names(
@@ -328,7 +331,7 @@ def test_report_renamed_topics_prints_expected_names(
 
 def test_report_page_restarted_node_is_named() -> None:
     (box,) = page(replace(paper_like(), restarted=('controller',))).root.find_all(
-        'div', **{'class': 'missing'}
+        'div', **{'class': 'remarks'}
     )
     assert 'controller was restarted' in box.text
 

@@ -12,10 +12,11 @@ from pathlib import Path
 from helpers.robots import PROPERTY
 from hypothesis import given
 from hypothesis import strategies as st
+from masmc_ros.errors import InputError
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.messages.transforms import transforms_of, TransformsCdr
 from masmc_ros.params.scenario import load_scenario
-from masmc_ros.robot.base_pose import BasePose
+from masmc_ros.robot.base_pose import BasePose, planar_pose
 from masmc_ros.robot.dead_reckoning import DeadReckoning
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.robot.two_link.platform_motion import base_motion
@@ -102,3 +103,18 @@ def test_transforms_of_message_are_those_written(names: list[str]) -> None:
     read = list(transforms_of(raw))
     assert [(parent, child) for parent, child, _ in read] == list(frames)
     np.testing.assert_array_equal([numbers for *_, numbers in read], transforms)
+
+
+@pytest.mark.parametrize(('degrees', 'is_valid'), [(0.2, True), (4.9, True), (5.1, False)])
+def test_planar_pose_small_tilt_accepted(degrees: float, is_valid: bool) -> None:
+    """The yaw of a tilted base is that of the plane."""
+    half, yaw = math.radians(degrees) / 2, 0.7
+    c, s = math.cos(yaw / 2), math.sin(yaw / 2)
+    # A rotation about z, then a pitch in the frame of the base.
+    quaternion = -s * math.sin(half), c * math.sin(half), s * math.cos(half), c * math.cos(half)
+    pose = np.array([1.0, 2.0, 0.1, *quaternion])
+    if not is_valid:
+        with pytest.raises(InputError, match='expected at most 5'):
+            planar_pose(pose, 'odom')
+        return
+    assert planar_pose(pose, 'odom') == pytest.approx((1.0, 2.0, yaw), abs=1e-9)

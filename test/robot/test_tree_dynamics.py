@@ -36,22 +36,29 @@ STATES = 3
 FEW = settings(max_examples=25)
 
 trees = st.builds(
-    lambda seed, bodies, base: Drawn(seed, bodies, base),
+    lambda seed, bodies, base, mimics: Drawn(seed, bodies, base, mimics),
     st.integers(0, 2**32 - 1),
     st.integers(1, 7),
     st.sampled_from((FIXED, DIFFERENTIAL, OMNIDIRECTIONAL)),
+    st.integers(0, 3),
 )
 
 
 class Drawn:
     """A random robot and random states of it, in columns."""
 
-    def __init__(self, seed: int, bodies: int, base: int) -> None:
+    def __init__(self, seed: int, bodies: int, base: int, mimics: int = 0) -> None:
         """Draw the robot and its states."""
         draw = np.random.default_rng(seed)
-        joints = max(bodies - 1, 1 if base == FIXED else 0)
-        bodies = joints + 1
+        moving = max(bodies - 1, 1 if base == FIXED else 0)
+        bodies = moving + 1
+        joints = max(moving - mimics, min(moving, 1))
         size = base + joints
+        # The controlled joints have the order of their bodies; the others follow one of them.
+        controlled = 1 + np.sort(draw.permutation(moving)[:joints])
+        driver = draw.integers(0, max(joints, 1), bodies)
+        multiplier = draw.uniform(0.3, 2.0, bodies) * draw.choice([-1.0, 1.0], bodies)
+        driver[controlled], multiplier[[0, *controlled]] = range(joints), 1.0
         turns = np.linalg.qr(draw.normal(size=(bodies, 3, 3)))[0]
         turns *= np.linalg.det(turns)[:, None, None]
         axes = draw.normal(size=(bodies, 3))
@@ -66,6 +73,8 @@ class Drawn:
             turns.reshape(bodies, 9),
             draw.normal(size=(bodies, 3)),
             0.1 * root @ root.T,
+            driver,
+            multiplier,
         )
         self.model = model_of(self.tree)
         self.inertial_parameters = np.stack(

@@ -5,13 +5,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from helpers.small_tree import parameters, START
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from masmc_ros.errors import InputError
+from masmc_ros.jit.compiled import interpreted
 from masmc_ros.jit.record import tag_of
 from masmc_ros.jit.sized_records import type_of
 from masmc_ros.loop.records import plant_settings
@@ -36,9 +37,6 @@ import pytest
 
 Array = NDArray[np.float64]
 
-# Every compiled function is compiled separately here.
-pytestmark = pytest.mark.slow
-
 FEW = settings(max_examples=20, deadline=None)
 SEED = st.integers(0, 2**32 - 1)
 TASK = st.sampled_from((
@@ -59,6 +57,13 @@ H = 1e-4
 
 VISCOUS = (0.1, 0.2, 3.0, 4.0, 0.5, 0.6, 0.7)
 COULOMB = (0.7, 0.6, 0.5, 4.0, 3.0, 0.2, 0.1)
+
+
+@pytest.fixture(autouse=True, scope='module')
+def _plain_python() -> Iterator[None]:
+    """Call kernels as plain Python: each would be compiled alone, for every size of a task."""
+    with interpreted():
+        yield
 
 
 class Drawn:

@@ -5,12 +5,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
+from helpers.cart_arm import CART_ARM
 from helpers.small_tree import parameters, START, URDF
+from hypothesis import given
+from hypothesis import strategies as st
 from masmc_ros.errors import InputError
+from masmc_ros.robot.declaration import check_points, Point
 from masmc_ros.robot.joint_names import driven_joint_names, JOINT_NAMES_PARAMETER
 from masmc_ros.robot.robot import robot_description, robot_of
+from masmc_ros.robot.tree.task.outputs import JOINTS, OUTPUTS
 from masmc_ros.robot.tree.tree_mechanism import tree_mechanism, TreeMechanism
 import numpy as np
 import pytest
@@ -71,10 +77,14 @@ def test_task_joints_default_path_starts_at_posture() -> None:
 
 
 def test_task_points_name_outputs_with_their_units() -> None:
-    (tip,) = robot('pose').points
-    assert tip == ('T', 'tip', 'tip', 'the tip', 0, 2, 'm', True)
+    tip, turned = robot('pose').points
+    assert tip == ('T', 'tip', 'tip', 'the tip', 0, 3, 'm', True, False)
+    assert turned == (
+        'R', 'orientation_of_tip', 'orientation of tip', 'the orientation of the tip', 3, 3,
+        'rad', False, True,
+    )  # fmt: skip
     (joints,) = robot('joints upper_joint fore_joint').points
-    assert joints == ('q', 'joints', 'joints', 'the joints', 0, 2, 'rad', False)
+    assert joints == ('q', 'joints', 'joints', 'the joints', 0, 2, 'rad', False, False)
     points = robot('joints', 'planar turret', 'heading').points
     summaries = [(point.symbol, point.name, point.axes, point.small_unit) for point in points]
     assert summaries == [
@@ -86,6 +96,51 @@ def test_task_points_name_outputs_with_their_units() -> None:
     ]
     assert [point.key for point in points][2] == 'upper_joint_to_hand_joint'
     assert [place.name for place in robot('joints', 'planar turret').places] == ['turret']
+
+
+def test_task_points_of_several_frames_are_in_space() -> None:
+    points = robot('pose', 'position turret', 'heading').points
+    summaries = [(point.symbol, point.name, point.axes, point.small_unit) for point in points]
+    assert summaries == [
+        ('A', 'hand', slice(0, 3), 'mm'),
+        ('B', 'orientation of hand', slice(3, 6), 'mrad'),
+        ('C', 'turret', slice(6, 9), 'mm'),
+        ('D', 'heading of base_link', slice(9, 10), 'mrad'),
+    ]
+    assert [point.plane for point in points if point.is_place] == [slice(0, 2), slice(6, 8)]
+
+
+@given(
+    st.lists(
+        st.tuples(st.sampled_from((*OUTPUTS, JOINTS)), st.sampled_from(('hand', 'turret'))),
+        min_size=1, max_size=4, unique=True,
+    )
+)  # fmt: skip
+def test_task_points_contain_each_axis_once(outputs: list[tuple[str, str]]) -> None:
+    texts = [kind if kind == JOINTS else f'{kind} {link}' for kind, link in outputs]
+    try:
+        mechanism = robot(*texts)
+    except InputError:
+        return  # an axis twice, or sideways motion of the base
+    check_points(mechanism)
+    assert len({point.key for point in mechanism.points}) == len(mechanism.points)
+
+
+@pytest.mark.parametrize(
+    ('points', 'text'),
+    [
+        ((Point('T', 'tip', 'tip', 'the tip', 0),), r'0 of its points contain .* z_tip'),
+        ((Point('T', 'tip', 'tip', 'the tip', 0, 3),) * 2, r'2 of its points contain .* x_tip'),
+        ((Point('T', 'tip', 'tip', 'the tip', 0, 3, 'rad'),), 'tip in rad contains .* x_tip in m'),
+        (
+            [Point('T', 'tip', 'tip', 'the tip', i, size) for i, size in ((0, 1), (1, 2))],
+            'a place with 1 axes; expected x and y, or x, y and z',
+        ),
+    ],
+)
+def test_points_that_miss_or_mix_axes_are_rejected(points: Any, text: str) -> None:
+    with pytest.raises(InputError, match=text):
+        check_points(replace(CART_ARM, axes=robot('position').axes, points=tuple(points)))
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ import sys
 from typing import Any
 
 from helpers.tree_bits import model_of
+from masmc_ros.errors import InputError
 from masmc_ros.robot.packages import resource_path
 from masmc_ros.robot.tree import articulated, dynamics, kinematics
 from masmc_ros.robot.tree.assembly import tree_robot, TreeRobot
@@ -161,6 +162,19 @@ def test_tree_meshes_of_published_robots_exist(name: str) -> None:
     meshes = [resource_path(mesh, folder) for link in links for mesh in link.meshes]
     assert len(meshes) > 5
     assert all(mesh.is_file() for mesh in meshes)
+
+
+def test_urdf_published_files_are_read() -> None:
+    folder = resource_path(f'{ROBOTS}/ur_description').parent
+    rejected = {}
+    for path in folder.rglob('*.urdf'):
+        try:
+            read_urdf_file(path)
+        except InputError as error:
+            rejected[path.name] = str(error)
+    # A mimic joint of a joint that does not exist, and a file without links.
+    assert set(rejected) == {'alex_psyonic_hands.urdf', 'ur3.urdf'}
+    assert "mimics 'index_q1', which is no joint" in rejected['alex_psyonic_hands.urdf']
 
 
 def test_documented_robot_example_prints_documented_output() -> None:

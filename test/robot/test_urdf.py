@@ -15,6 +15,7 @@ from masmc_ros.errors import InputError
 from masmc_ros.robot.tree.assembly import tree_robot
 from masmc_ros.robot.tree.tree_mechanism import tree_mechanism
 from masmc_ros.robot.urdf import read_urdf
+import numpy as np
 import pytest
 
 INERTIA = (
@@ -82,7 +83,7 @@ def test_tree_robot_held_joint_and_base_frame_move_subtrees() -> None:
         ('<mass value="2.0"/>', '<mass value="-2"/>', "line 3: link 'base': value '-2', expect"),
         ('<mass value="2.0"/>', '<mass value="NaN"/>', "line 3: link 'base': value 'NaN'"),
         ('<mass value="2.0"/>', '', "line 3: link 'base': no <mass>"),
-        ('ixx="0.1"', 'ixx="0.9"', "line 4: link 'upper', with what is fixed to it, has an inert"),
+        ('ixx="0.1"', 'ixx="0.9"', "line 4: link 'upper' has an inertia that no body has: the le"),
         ('link="upper"', 'link="uper"', "joint 'shoulder': no link 'uper'; did you mean upper?"),
         ('child link="lower"', 'child link="base"', "joint 'elbow' closes a loop of links"),
         ('child link="hand"', 'child link="upper"', "joint 'wrist': link 'upper' hangs on joint"),
@@ -137,6 +138,128 @@ def test_urdf_invalid_held_joint_raises_one_line(
     assert '\n' not in str(raised.value)
 
 
+FLANGE = """<link name="flange"><inertial><mass value="{}"/>
+<inertia ixx="{}" ixy="0" ixz="0" iyy="{}" iyz="0" izz="{}"/></inertial></link>
+<joint name="mount" type="{}"><parent link="{}"/><child link="flange"/>
+<limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>"""
+
+
+@pytest.mark.parametrize('kind', ['fixed', 'revolute'])
+def test_tree_robot_bad_inertia_of_merged_link_raises(kind: str) -> None:
+    text = URDF.replace('</robot>', FLANGE.format(0.05, -0.003, 1e-4, 1e-4, kind, 'upper'))
+    held = {'mount': 0.1} if kind == 'revolute' else {}
+    expected = "^x, line 19: link 'flange' has an inertia that no body has.* -0.0015 kg"
+    with pytest.raises(InputError, match=expected):
+        tree_robot(read_urdf(text, 'x'), 'x', held=held)
+    # The base of this robot does not move.
+    on_base = text.replace('<parent link="upper"/><child link="flange"', '<parent link="base"/>'
+                           '<child link="flange"')  # fmt: skip
+    assert len(tree_robot(read_urdf(on_base, 'x'), 'x', held=held).joints) == 2
+
+
+def test_tree_robot_zero_mass_with_inertia_raises() -> None:
+    text = URDF.replace('mass value="2.0"', 'mass value="0"')
+    expected = "^x, line 4: link 'upper' has mass 0 with a moment of inertia; expected a mass > 0"
+    with pytest.raises(InputError, match=expected):
+        tree_robot(read_urdf(text, 'x'), 'x')
+
+
+@pytest.mark.parametrize(
+    ('mass', 'inertia', 'notes'),
+    [
+        (0.1, (1e-9, 1e-9, 4e-9), ()),
+        (0.1, (1e-3, 1e-3, 4e-3), ("link 'flange' has an inertia that no body has: the least",)),
+        (0.0, (1e-3, 1e-3, 1e-3), ("link 'flange' has mass 0 with a moment of inertia, 0.58 % ",)),
+    ],
+)
+def test_tree_robot_possible_body_of_bad_link_is_noted(
+    mass: float, inertia: tuple[float, ...], notes: tuple[str, ...]
+) -> None:
+    text = URDF.replace('</robot>', FLANGE.format(mass, *inertia, 'fixed', 'upper'))
+    robot = tree_robot(read_urdf(text, 'x'), 'x')
+    assert [note[:len(start)] for note, start in zip(robot.notes, notes, strict=True)] == [*notes]
+
+
+def test_urdf_robot_without_moving_mass_raises() -> None:
+    massless = re.sub('<inertial>.*?</inertial>', '', URDF)
+    text = massless.replace('<link name="base"></link>', f'<link name="base">{INERTIA}</link>')
+    assert text != massless
+    with pytest.raises(InputError, match='no link that moves has a mass; expected an <inertial>'):
+        tree_mechanism({'robot.urdf': text})
+    # A base with a mass moves.
+    assert tree_mechanism({'robot.urdf': text, 'robot.base': 'omnidirectional'}).joints
+
+
+@pytest.mark.parametrize('name', ['base_yaw_joint', 'base_turn_joint'])
+def test_urdf_joint_named_like_base_raises(name: str) -> None:
+    expected = f"line 12: joint '{name}': this name is reserved for the base; rename the joint"
+    with pytest.raises(InputError, match=expected):
+        tree_mechanism({'robot.urdf': URDF.replace('name="elbow"', f'name="{name}"')})
+
+
+MIMIC = '<limit lower="0" upper="0.3" effort="10" velocity="2"/>'
+
+
+def test_urdf_mimic_joint_of_controlled_joint_moves() -> None:
+    text = URDF.replace(MIMIC, f'{MIMIC}<mimic joint="shoulder" multiplier="0.5" offset="0.2"/>')
+    mechanism = tree_mechanism({'robot.urdf': text})
+    assert [joint.name for joint in mechanism.joints] == ['shoulder']
+    assert mechanism.robot.mimics == {'elbow': ('shoulder', 0.5, 0.2)}
+    assert mechanism.notes == (
+        "mimic joint 'elbow' limits 'shoulder' to -0.4 to 0.2 rad",
+        "the effort limit of mimic joint 'elbow', which the drive of 'shoulder' moves, is ignored",
+    )
+    assert {name: end.tolist() for name, end in mechanism.joint_limits.items()} == {
+        'lower': [pytest.approx(-0.4)], 'upper': [pytest.approx(0.2)], 'speed': [2.0],
+    }  # fmt: skip
+
+
+def test_urdf_mimic_joint_of_held_joint_has_its_position() -> None:
+    text = URDF.replace(MIMIC, f'{MIMIC}<mimic joint="shoulder" multiplier="0.5" offset="0.2"/>')
+    wrist = f'<axis xyz="0 0 1"/>{MIMIC}<mimic joint="elbow" multiplier="-2"/></joint>'
+    text = text.replace('"wrist" type="fixed"', '"wrist" type="prismatic"')
+    text = text.replace('0 0 0.2"/>\n  </joint>', f'0 0 0.2"/>{wrist}')
+    free = FLANGE.format(1.0, 0.1, 0.1, 0.1, 'revolute', 'hand')
+    description = read_urdf(text.replace('</robot>', free), 'x')
+    robot = tree_robot(description, 'x', held={'shoulder': 0.3})
+    assert (robot.notes, [joint.name for joint in robot.joints]) == ((), ['mount'])
+    assert robot.held == pytest.approx({'shoulder': 0.3, 'elbow': 0.35, 'wrist': -0.7})
+
+
+def test_tree_robot_order_of_joints_is_kept() -> None:
+    arm = FLANGE.format(1.0, 0.1, 0.1, 0.1, 'revolute', 'base')
+    text = URDF.replace('</robot>', arm)
+    names = ['mount', 'shoulder', 'elbow']
+    by_file = tree_robot(read_urdf(text, 'x'), 'x')
+    assert [joint.name for joint in by_file.joints] == ['shoulder', 'elbow', 'mount']
+    robot = tree_robot(read_urdf(text, 'x'), 'x', joints=names)
+    assert [joint.name for joint in robot.joints] == names
+    assert robot.tree.parent.tolist() == [-1, 0, 0, 2]
+    assert robot.limits.effort.tolist() == [1, 10, 10]
+    assert robot.inertial_parameters[1][0] == 1.0
+    mechanism = tree_mechanism({'robot.urdf': text, 'robot.joints': names})
+    assert [joint.name for joint in mechanism.joints] == names
+
+
+@pytest.mark.parametrize('joints', [('elbow', 'shoulder'), ('shoulder', 'elbow', 'elbow')])
+def test_tree_robot_impossible_order_of_joints_raises(joints: tuple[str, ...]) -> None:
+    expected = r'^robot.joints \[.*\]: expected each joint once, and .*: \[shoulder, elbow\]$'
+    with pytest.raises(InputError, match=expected):
+        tree_robot(read_urdf(URDF, 'x'), 'x', joints=joints)
+
+
+def test_urdf_joint_at_end_of_range_is_found() -> None:
+    mechanism = tree_mechanism({'robot.urdf': URDF, 'robot.task': ('joints',)})
+    positions = np.array([[0.0, 0.0], [-0.9999, 0.15], [0.99, 0.2999], [1.5, -0.1]])
+    assert mechanism.at_range_ends(positions).tolist() == [
+        [False, True], [True, False], [False, True], [True, True],
+    ]  # fmt: skip
+    text = mechanism.range_ends_text(np.array([True, True]))
+    assert text == 'shoulder and elbow at the ends of their ranges'
+    ignored = tree_mechanism({'robot.urdf': URDF, 'robot.limit_margin': 0.0})
+    assert not ignored.at_range_ends(positions).any()
+
+
 @pytest.mark.parametrize('kind', ['continuous', 'prismatic'])
 def test_urdf_last_joint_without_inertia_needs_armature(kind: str) -> None:
     limit = '<axis xyz="0 0 1"/><limit lower="0" upper="1" effort="1" velocity="1"/></joint>'
@@ -174,7 +297,7 @@ def test_tree_robot_impossible_inertia_of_moving_base_raises(base: str) -> None:
         text = text.replace('</robot>', wheel.format(name, y))
     assert tree_robot(read_urdf(text, 'x'), 'x', base=base, wheels=wheels).tree.base > 0
     description = read_urdf(text.replace('ixx="0.1"', 'ixx="0.9"', 1), 'robot.urdf')
-    expected = "^robot.urdf, line 3: link 'base', with what is fixed to it, has an inertia that"
+    expected = "^robot.urdf, line 3: link 'base'.* has an inertia that no body has"
     with pytest.raises(InputError, match=expected):
         tree_robot(description, 'robot.urdf', base=base, wheels=wheels)
     # The inertia of a fixed base has no effect.

@@ -12,17 +12,19 @@ from masmc_ros.cli.arguments import (
     add_file,
     add_json,
     add_output,
+    add_path,
     add_settings,
     add_workers,
     count,
 )
-from masmc_ros.compare.law_comparison import comparison_of, compute
-from masmc_ros.compare.ranking import ranking
+from masmc_ros.cli.urdf_choices import print_choices
+from masmc_ros.compare import foreign, results
+from masmc_ros.compare.law_comparison import comparison_of
+from masmc_ros.compare.ranking import by_error, compared
 from masmc_ros.compare.tables import as_json, page, text
 from masmc_ros.output_files import check_folder, make_folder, write_file
 from masmc_ros.report.aligned import WIDTH
 from masmc_ros.share import scenario_file
-from tqdm import tqdm
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -37,6 +39,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default='all',
         metavar='LAW,...',
         help='LAW or LAW:SWITCHING, separated by commas; or all (%(default)s)',
+    )
+    parser.add_argument(
+        foreign.OPTION,
+        action='append',
+        default=[],
+        metavar='FILE.py:NAME',
+        help='controller from elsewhere: a function of (state, reference) that returns torques,'
+        ' or a class of such objects; repeatable',
+    )
+    parser.add_argument(
+        results.OPTION,
+        action='append',
+        default=[],
+        metavar=results.FILE,
+        help='results of another comparison with the same conditions; repeatable',
     )
     parser.add_argument(
         '--trials',
@@ -55,6 +72,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '(%(default)s)',
     )
     add_settings(parser)
+    add_path(parser)
     add_output(parser, 'compare')
     add_workers(parser)
     add_json(parser)
@@ -63,23 +81,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Compute the runs of all laws in all trials, print the tables and write them."""
     file = scenario_file(options.file)
+    print_choices(file, options.set)
     comparison = comparison_of(
-        file, options.set, options.laws, options.trials, options.seeds
+        file,
+        options.set,
+        options.laws,
+        options.trials,
+        options.seeds,
+        foreign.loaded_controllers(options.controller),
     )
     trials, points = comparison.trials, comparison.mechanism.points
     folder = Path(options.output)
     check_folder(folder)
-    with tqdm(total=comparison.total, unit='run', disable=None) as progress:
-        rows = compute(
-            comparison, threads=options.threads, scheduler=options.scheduler,
-            advance=progress.update,
-        )  # fmt: skip
-    ranked = ranking(comparison, rows)
+    added = {name: results.loaded(name, comparison) for name in options.add}
+    ranked = compared(comparison, threads=options.threads, scheduler=options.scheduler)
+    own = results.as_json(comparison, ranked) + '\n'
+    for name, entries in added.items():
+        ranked = results.joined(name, entries, ranked)
+    ranked = by_error(ranked, trials[0].name)
     data = as_json(ranked, trials) + '\n'
     contents = {
         'compare.html': page(ranked, trials, points, Path(file).name),
         'compare.txt': text(ranked, trials, points),
         'compare.json': data,
+        results.FILE: own,
     }
     try:
         make_folder(folder)

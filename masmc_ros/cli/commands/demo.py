@@ -6,25 +6,22 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping
 import json
-import os
 from pathlib import Path
-import subprocess
-import sys
 import time
 
-from masmc_ros.cli.arguments import add_output
+from masmc_ros.cli.arguments import add_json, add_output
 from masmc_ros.cli.commands.report import report
-from masmc_ros.cli.endings import child_environment
+from masmc_ros.cli.node_processes import node_processes, NodeProcesses
 from masmc_ros.cli.private_domain import private_domain
+from masmc_ros.cli.urdf_choices import print_choices
 from masmc_ros.errors import UserError
 from masmc_ros.law.reaching.implicit import IMPLICIT
 from masmc_ros.optional import require_rclpy
-from masmc_ros.output_files import make_folder
+from masmc_ros.output_files import make_folder, write_file
 from masmc_ros.params.declaration import MutableValues
-from masmc_ros.params.scenario import load_scenario
+from masmc_ros.params.scenario import load_scenario, source_of
 from masmc_ros.report.measure.table import distance_text
 from masmc_ros.robot.mechanisms import DEFAULT, mechanism_from
 from masmc_ros.share import scenario_file, scenarios
@@ -48,8 +45,6 @@ _FIRST_START = 900.0
 _SLOWEST = 20.0
 """Longest time in s that a simulated second may take."""
 
-_END = 15.0
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
@@ -63,10 +58,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--robot',
         default='paper',
         metavar='NAME',
-        help='experiment: an installed parameter file (masmc simulate --list), such as tiago '
-        '(%(default)s)',
+        help='experiment: an installed parameter file (masmc simulate --list), such as tiago, or '
+        'the path of a parameter file or URDF (%(default)s)',
     )
     parser.add_argument('--composed', action='store_true', help='run all nodes in one process')
+    add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -80,6 +76,12 @@ def run(options: argparse.Namespace) -> int:
     make_folder(folder)
     # An installed file first: a folder of the same name is not a parameter file.
     parameters = scenarios().get(options.robot) or Path(scenario_file(options.robot))
+    source = source_of(str(parameters), folder=str(folder))
+    if source.defaults is not None:
+        print_choices(str(parameters))
+        parameters = folder / f'{parameters.stem}.yaml'
+        write_file(parameters, source.text)
+    simulated = options.robot if source.defaults is None else parameters
     scenario = load_scenario(str(parameters))
     values, switching = scenario['plant'], scenario['controller']['switching']
     duration = values['duration']
@@ -93,14 +95,16 @@ def run(options: argparse.Namespace) -> int:
             patience = start + _SLOWEST * duration
             _run(name, parameters, log, domain, duration, patience, composed=options.composed)
         logs.append(str(log))
-    metrics = report(logs, str(folder / 'report'))
+    metrics = report(logs, str(folder / 'report'), is_json=options.json)
+    if options.json:
+        return 0
     print(f'\nShown: {parameters.name} on ROS 2 nodes, {duration:g} s with each of these laws:')
     for label, reached in metrics.items():
         print(f'  {label}: {distance_text(reached)}')
     print(f'Report, in a browser: {folder / "report" / "report.html"}')
     print(f'Logs: {", ".join(logs)}')
     print(f'View a log in Foxglove: masmc view {logs[-1]}')
-    print(f'Compute the run without ROS: masmc simulate {options.robot}')
+    print(f'Compute the run without ROS: masmc simulate {simulated}')
     return 0
 
 
@@ -129,48 +133,15 @@ def _run(
     commands = (
         {'composed': ['--record', *arguments]} if composed else dict.fromkeys(NODES, arguments)
     )
-    with _processes(commands, domain, log.parent) as processes:
-        _watch(name, processes, domain, duration, patience)
-
-
-@contextmanager
-def _processes(
-    commands: Mapping[str, Sequence[str]], domain: Mapping[str, str], folder: Path
-) -> Iterator[dict[str, subprocess.Popen[bytes]]]:
-    """Start nodes with their output in files; end them when the context ends."""
-    processes: dict[str, subprocess.Popen[bytes]] = {}
-    try:
-        for name, arguments in commands.items():
-            with (folder / f'{name}.log').open('wb') as out:
-                processes[name] = subprocess.Popen(
-                    [sys.executable, '-m', 'masmc_ros.cli.main', 'run', name, *arguments],
-                    stdout=out,
-                    stderr=subprocess.STDOUT,
-                    stdin=subprocess.DEVNULL,
-                    env={**os.environ, **domain, **child_environment()},
-                    start_new_session=True,
-                )
-        yield processes
-    finally:
-        for process in processes.values():
-            if process.poll() is None:
-                process.terminate()
-        for process in processes.values():
-            try:
-                process.wait(_END)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
-    for name, process in processes.items():
-        if process.returncode != 0:
-            text = (folder / f'{name}.log').read_text(encoding='utf-8', errors='replace')
-            last = (text.strip().splitlines() or ['no output'])[-1]
-            raise UserError(f'{name} ended with status {process.returncode}: {last}')
+    with node_processes(domain, log.parent) as nodes:
+        for node, words in commands.items():
+            nodes.start(node, words)
+        _watch(name, nodes, domain, duration, patience)
 
 
 def _watch(
     name: str,
-    processes: Mapping[str, subprocess.Popen[bytes]],
+    nodes: NodeProcesses,
     domain: Mapping[str, str],
     duration: float,
     patience: float,
@@ -185,8 +156,8 @@ def _watch(
         run_progress(int(domain['ROS_DOMAIN_ID'])) as progress,
         tqdm(total=duration, desc=name.rjust(8), bar_format=form, disable=None) as bar,
     ):
-        while any(process.poll() is None for process in processes.values()):
-            if any(process.poll() not in (None, 0) for process in processes.values()):
+        while nodes.is_any_running():
+            if nodes.has_any_failed():
                 return
             if time.monotonic() > limit:
                 raise UserError(f'{name}: no end after {patience:.0f} s')

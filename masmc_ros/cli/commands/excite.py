@@ -8,8 +8,16 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from masmc_ros.cli.arguments import add_file, add_overwrite, add_seed, add_settings
+from masmc_ros.cli.arguments import (
+    add_file,
+    add_json,
+    add_overwrite,
+    add_seed,
+    add_settings,
+)
+from masmc_ros.cli.urdf_choices import print_choices
 from masmc_ros.errors import InputError
+from masmc_ros.json_text import json_text
 from masmc_ros.output_files import check_absent
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.report.aligned import aligned
@@ -33,6 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--amplitude', type=float, default=0.5, help=text)
     add_seed(parser, 'the search')
     add_overwrite(parser)
+    add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -44,6 +53,7 @@ def run(options: argparse.Namespace) -> int:
     if not options.amplitude > 0.0:
         raise InputError(f'--amplitude {options.amplitude:g}: expected a number > 0')
     file = scenario_file(options.file)
+    print_choices(file, options.set)
     scenario = load_scenario(file, options.set)
     # Imported here: the compiler takes time.
     from masmc_ros.identification.exciting_file import write_exciting
@@ -56,8 +66,21 @@ def run(options: argparse.Namespace) -> int:
         amplitude=options.amplitude,
         seed=options.seed,
     )
+    joints = mechanism_from(scenario['plant']).joints
+    if options.json:
+        motion = zip(joints, excitation.deviation, excitation.speed, strict=True)
+        names = ('name', 'unit', 'largest_deviation', 'largest_speed')
+        print(json_text({
+            'joints': [
+                dict(zip(names, (joint.name, joint.unit, *largest), strict=True))
+                for joint, *largest in motion
+            ],
+            'condition_number': excitation.condition,
+            'output': output,
+        }))
+        return 0
     rows = [['joint', 'largest deviation', 'largest speed']]
-    for i, joint in enumerate(mechanism_from(scenario['plant']).joints):
+    for i, joint in enumerate(joints):
         rows.append([
             joint.name,
             f'{excitation.deviation[i]:.3g} {joint.unit}',

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import argparse
 
-from masmc_ros.cli.arguments import add_logs, add_output, add_overwrite
+from masmc_ros.cli.arguments import add_json, add_logs, add_output, add_overwrite
 from masmc_ros.log.read.reader import read_run
+from masmc_ros.output_files import with_sizes
 from masmc_ros.report.export import check_export, FORMATS, write_export
 from tqdm import tqdm
 
@@ -23,6 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = 'csv, parquet (with pyarrow) or npz (NumPy) (%(default)s)'
     parser.add_argument('--format', default='csv', choices=tuple(FORMATS), help=text)
     add_overwrite(parser)
+    add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -30,6 +32,6 @@ def run(options: argparse.Namespace) -> int:
     arguments = options.output, options.format
     check_export(options.logs, *arguments, overwrite=options.overwrite)
     runs = [read_run(log) for log in tqdm(options.logs, unit='log', desc='reading', disable=None)]
-    for path in write_export(runs, *arguments, overwrite=options.overwrite):
-        print(f'{path}: {path.stat().st_size} bytes')
+    paths = write_export(runs, *arguments, overwrite=options.overwrite)
+    print(with_sizes(paths, as_json=options.json))
     return 0

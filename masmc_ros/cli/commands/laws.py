@@ -6,12 +6,12 @@
 from __future__ import annotations
 
 import argparse
-import json
 import textwrap
 from time import perf_counter
 
 from masmc_ros.cli.arguments import add_json
 from masmc_ros.jit.compiled import bound
+from masmc_ros.json_text import json_text
 from masmc_ros.law import registry
 from masmc_ros.law.law import Law
 from masmc_ros.loop.closed_loop import control_ticks
@@ -45,10 +45,10 @@ def run(options: argparse.Namespace) -> int:
     if options.cost:
         measured = {name: _cost(name) for name in tqdm(names, unit='law', disable=None)}
         for name, row in rows.items():
-            row['cost_us'] = round(1e6 * measured[name], 2)
-            row['cost'] = round(measured[name] / measured['rasmc'], 2)
+            row['cost_us'] = 1e6 * measured[name]
+            row['cost'] = measured[name] / measured['rasmc']
     if options.json:
-        print(json.dumps(list(rows.values()), indent=1))
+        print(json_text(rows.values()))
         return 0
     width = max(len(name) for name in names)
     for row in rows.values():

@@ -22,6 +22,7 @@ from masmc_ros.output_files import write_file
 from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.declaration import Mechanism, Quantity
 from masmc_ros.robot.mechanisms import DEFAULT, mechanism_from
+from masmc_ros.robot.shown_parameters import MASS, shown_parameters
 from masmc_ros.share import scenario_file, shared_file
 
 _COLOURS = (
@@ -37,9 +38,6 @@ _LEGEND = 190
 
 _CAMERA = {'distance': 4.0, 'targetOffset': [0.8, 0.0, 0.5]}
 """Distance from the robot's start and point ahead of it in m."""
-
-MOST_ESTIMATES = 12
-"""Number of estimates above which only the masses are plotted."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -130,10 +128,10 @@ def _plots(mechanism: Mechanism, is_hybrid: bool) -> dict[str, tuple[str, Lines]
     limb = joints[mechanism.groups[-1].joints] if mechanism.groups else joints
     places = {place.name: i for i, place in enumerate(mechanism.positions)}
     estimates, title = _telemetry('parameter_estimate', theta), 'Parameter estimate θ̂'
-    if len(theta) > MOST_ESTIMATES:
+    shown = shown_parameters(theta)
+    if len(shown) < len(theta):
         title = 'Masses as estimated (kg)'
-        mass = '_mass'
-        estimates = [(n.removesuffix(mass), path) for n, path in estimates if n.endswith(mass)]
+        estimates = [(estimates[i][0].removesuffix(MASS), estimates[i][1]) for i in shown]
     # The first axis of each unit.
     first = sorted({axis.unit: i for i, axis in reversed(list(enumerate(axes)))}.values())
     gains = (('K_s1', 'k_s1'), ('K_s2', 'k_s2'), ('σ', 'sigma'))

@@ -14,7 +14,9 @@ import re
 import sys
 from typing import Any, TYPE_CHECKING
 
+from masmc_ros.cli.arguments import add_json
 from masmc_ros.errors import InputError
+from masmc_ros.json_text import json_text
 from masmc_ros.optional import require_rclpy
 from masmc_ros.params.file import parse_value
 from masmc_ros.params.node_name import complaint
@@ -49,6 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='S',
         help='longest time in s to wait for a node (%(default)g)',
     )
+    add_json(common)
     for verb, text in (
         ('list', 'names of the parameters of a node, or of all'),
         ('get', 'the current value'),
@@ -77,22 +80,37 @@ def run(options: argparse.Namespace) -> int:
     value = _value(options.value) if options.verb == 'set' else None
     with ParameterSession(options.timeout) as session:
         if options.verb == 'list':
-            return _list(session, node)
+            return _list(session, node, is_json=options.json)
         # Only `list` has an optional node.
         assert node is not None
         if options.verb == 'get':
+            if options.json:
+                return _print_json(session, node, [options.name])
             return _get(session, node, options.name, hide_type=options.hide_type)
         if options.verb == 'set':
-            return _set(session, node, options.name, value)
+            return _set(session, node, options.name, value, is_json=options.json)
+        if options.json:
+            return _print_json(session, node, session.names(node))
         return _dump(session, node)
 
 
-def _list(session: ParameterSession, node: str | None) -> int:
-    for listed in session.nodes() if node is None else [node]:
+def _list(session: ParameterSession, node: str | None, *, is_json: bool) -> int:
+    nodes = session.nodes() if node is None else [node]
+    if is_json:
+        print(json_text({'nodes': [{'node': n, 'names': session.names(n)} for n in nodes]}))
+        return 0
+    for listed in nodes:
         if node is None:
             print(f'{listed}:')
         for name in session.names(listed):
             print(f'  {name}')
+    return 0
+
+
+def _print_json(session: ParameterSession, node: str, names: list[str]) -> int:
+    """Print the values of parameters as JSON, null for one without a value."""
+    values = map(_plain, session.values(node, names))
+    print(json_text({'node': node, 'parameters': dict(zip(names, values, strict=True))}))
     return 0
 
 
@@ -109,11 +127,17 @@ def _get(session: ParameterSession, node: str, name: str, *, hide_type: bool) ->
     return 0
 
 
-def _set(session: ParameterSession, node: str, name: str, value: FileValue) -> int:
+def _set(
+    session: ParameterSession, node: str, name: str, value: FileValue, *, is_json: bool
+) -> int:
     from rclpy.parameter import Parameter
 
     kind = Parameter.Type.STRING_ARRAY if value == [] else None
     result = session.assign(node, Parameter(name, kind, value))
+    if is_json:
+        fields = {'node': node, 'name': name, 'value': value}
+        print(json_text({**fields, 'is_set': result.successful, 'reason': result.reason}))
+        return 0 if result.successful else _REJECTED
     reason = f': {result.reason}' if result.reason else ''
     if result.successful:
         print(f'Set parameter successful{reason}')

@@ -6,13 +6,15 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
 import sys
 
-from masmc_ros.cli.arguments import add_logs
+from masmc_ros.cli.arguments import add_json, add_logs
 from masmc_ros.errors import InputError
-from masmc_ros.log.read.gaps import state_gaps
-from masmc_ros.log.recover.recover import recover
+from masmc_ros.json_text import json_text
+from masmc_ros.log.read.gaps import Gaps, state_gaps
+from masmc_ros.log.recover.recover import recover, Recovered
 from masmc_ros.messages.cdr_layout import NANOSECONDS
 
 
@@ -23,17 +25,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         ' is not changed.'
     )
     add_logs(parser)
+    add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
     """Complete each log in place and print its content; status 2 if one cannot be completed."""
-    status = 0
+    status, rows = 0, []
     for log in options.logs:
         try:
             recovered = recover(Path(log))
         except InputError as error:
             print(f'masmc recover: {error}', file=sys.stderr)
             status = error.exit_status
+            continue
+        gaps = {} if recovered is None else state_gaps(Path(log))
+        rows.append(_row(log, recovered, gaps))
+        if options.json:
             continue
         if recovered is None:
             print(f'{log}: is complete')
@@ -48,6 +55,32 @@ def run(options: argparse.Namespace) -> int:
                 f'{log}: a damaged chunk was skipped, with its messages from'
                 f' {first / NANOSECONDS:.3f} to {last / NANOSECONDS:.3f} s'
             )
-        for topic, gaps in state_gaps(Path(log)).items():
-            print(f'{log}: {topic}: {gaps.text()}, by its stamps')
+        for topic, missed in gaps.items():
+            print(f'{log}: {topic}: {missed.text()}, by its stamps')
+    if options.json:
+        print(json_text({'logs': rows}))
     return status
+
+
+def _row(log: str, recovered: Recovered | None, gaps: Mapping[str, Gaps]) -> dict[str, object]:
+    """Return the content of a log for JSON; of a complete one only that it was complete."""
+    if recovered is None:
+        return {'log': log, 'was_complete': True}
+    return {
+        'log': log,
+        'was_complete': False,
+        'messages': recovered.messages,
+        'duration': (recovered.end - recovered.start) / NANOSECONDS,
+        'dropped_bytes': recovered.dropped,
+        'damaged': [[t / NANOSECONDS for t in times] for times in recovered.damaged],
+        'gaps': [
+            {
+                'topic': topic,
+                'count': missed.count,
+                'missing': missed.missing,
+                'longest': missed.longest / NANOSECONDS,
+                'at': missed.at / NANOSECONDS,
+            }
+            for topic, missed in gaps.items()
+        ],
+    }

@@ -1,20 +1,25 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`masmc robot`: the robot of a parameter file, before it moves."""
+"""`masmc robot`: the robot of a parameter file or URDF, before it moves."""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
-import json
 import math
+from pathlib import Path
 from textwrap import fill
 from typing import Any
 
-from masmc_ros.cli.arguments import add_file, add_json, add_settings
+from masmc_ros.cli.arguments import add_file, add_json, add_overwrite, add_settings
+from masmc_ros.cli.urdf_choices import choice_lines, choices_of
+from masmc_ros.errors import InputError
+from masmc_ros.json_text import json_text
+from masmc_ros.log.recover.overlap import check_apart
+from masmc_ros.output_files import check_absent, write_file
 from masmc_ros.params.declaration import Values
-from masmc_ros.params.scenario import load_scenario
+from masmc_ros.params.scenario import load_scenario, lowest_limits, source_of
 from masmc_ros.report.aligned import aligned, WIDTH
 from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.robot.robot import robot_of
@@ -25,19 +30,41 @@ import numpy as np
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
     parser.description = (
-        'Print joints, limits, masses and task of the robot of a parameter file, and its position'
-        ' at the start.'
+        'Print joints, limits, gravity torques, masses and task of the robot of a parameter file'
+        ' or URDF, and its position at the start. For a URDF, print the choices for all that it'
+        ' does not contain.'
     )
-    add_file(parser)
+    add_file(parser, ', or a URDF')
     add_settings(parser)
+    parser.add_argument(
+        '--write', metavar='FILE.yaml', help='write the parameter file for the robot of a URDF'
+    )
+    add_overwrite(parser)
     add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
     """Print joints, their limits and torques, the task, and its position at the start."""
-    robot = _robot(load_scenario(scenario_file(options.file), options.set))
-    print(json.dumps(robot, indent=1) if options.json else _text(robot))
+    file = scenario_file(options.file)
+    source = source_of(file, options.set)
+    robot = _robot(load_scenario(file, options.set))
+    if options.write is not None:
+        _write(Path(options.write), file, options)
+    robot['choices'] = choices_of(source.defaults)
+    robot['warnings'] += source.defaults.notes if source.defaults else ()
+    robot['written'] = options.write
+    print(json_text(robot) if options.json else _text(robot))
     return 0
+
+
+def _write(path: Path, file: str, options: argparse.Namespace) -> None:
+    """Write the parameter file of a URDF; InputError for a file that is none."""
+    source = source_of(file, options.set, str(path.parent))
+    if source.defaults is None:
+        raise InputError(f'--write {path}: {file} is a parameter file already; expected a URDF')
+    check_apart([path], [file])
+    check_absent(path, overwrite=options.overwrite)
+    write_file(path, source.text)
 
 
 def _robot(values: Mapping[str, Values]) -> dict[str, Any]:
@@ -48,19 +75,29 @@ def _robot(values: Mapping[str, Values]) -> dict[str, Any]:
     limits = mechanism.joint_limits
     effort = control['torque_limit']
     start = position[-len(mechanism.joints):]
+    at_end = mechanism.at_range_ends(start[None])[0]
+    details = dict(mechanism.details(start))
+    gravity = [details.pop(name, None) for name in ('gravity', 'largest_gravity')]
+    joints = [
+        {
+            'name': joint.name,
+            'unit': joint.unit,
+            'start': float(start[i]),
+            'at_end': bool(at_end[i]),
+            **{name: _finite(values[i]) for name, values in limits.items()},
+            'torque_limit': float(effort[i]) or None,
+            'torque_unit': joint.effort_unit,
+            **{
+                name: values[i]
+                for name, values in zip(('gravity', 'largest_gravity'), gravity, strict=True)
+                if values is not None
+            },
+        }
+        for i, joint in enumerate(mechanism.joints)
+    ]
     return {
         'kind': mechanism.name,
-        'joints': [
-            {
-                'name': joint.name,
-                'unit': joint.unit,
-                'start': float(start[i]),
-                **{name: _finite(values[i]) for name, values in limits.items()},
-                'torque_limit': float(effort[i]) or None,
-                'torque_unit': joint.effort_unit,
-            }
-            for i, joint in enumerate(mechanism.joints)
-        ],
+        'joints': joints,
         'task': [
             {'name': axis.name, 'unit': axis.unit, 'start': float(at)}
             for axis, at in zip(mechanism.axes, task, strict=True)
@@ -71,7 +108,23 @@ def _robot(values: Mapping[str, Values]) -> dict[str, Any]:
             for quantity, value in zip(mechanism.theta, made.theta, strict=True)
             if quantity.unit == 'kg'
         },
+        **details,
+        'notes': mechanism.notes,
+        'warnings': [
+            *mechanism.start_warnings(start, lowest_limits(values)), *_weak(joints)
+        ],
     }
+
+
+def _weak(joints: list[dict[str, Any]]) -> list[str]:
+    """Return a warning of torque limits below the largest gravity torques, or none."""
+    weak = [
+        f'{joint["name"]} up to {joint["largest_gravity"]:.3g} {joint["torque_unit"]}, limit'
+        f' {joint["torque_limit"]:g} {joint["torque_unit"]}'
+        for joint in joints
+        if joint['torque_limit'] and (joint.get('largest_gravity') or 0.0) > joint['torque_limit']
+    ]
+    return [f'limit below gravity in a part of the range: {"; ".join(weak)}'] if weak else []
 
 
 def _finite(value: float) -> float | None:
@@ -80,7 +133,11 @@ def _finite(value: float) -> float | None:
 
 def _text(robot: dict[str, Any]) -> str:
     names = [name for name in ('lower', 'upper', 'speed') if name in robot['joints'][0]]
-    rows = [['joint', 'start', *names, 'controller.torque_limit']]
+    torques = [name for name in ('gravity', 'largest_gravity') if name in robot['joints'][0]]
+    heads = {'gravity': 'gravity at the start', 'largest_gravity': 'largest gravity'}
+    rows = [
+        ['joint', 'start', *names, 'controller.torque_limit', *(heads[name] for name in torques)]
+    ]
     for joint in robot['joints']:
         unit = joint['unit']
         units = {'lower': unit, 'upper': unit, 'speed': f'{unit}/s'}
@@ -89,17 +146,21 @@ def _text(robot: dict[str, Any]) -> str:
             f'{joint["start"]:g} {unit}',
             *(_known(joint[name], units[name]) for name in names),
             _known(joint['torque_limit'], joint['torque_unit']),
+            *(_torque(joint[name], joint['torque_unit']) for name in torques),
         ])
     table = aligned(rows, range(len(rows[0])), width=WIDTH)
     task = ', '.join(f'{axis["name"]} ({axis["unit"]})' for axis in robot['task'])
     start = ', '.join(f'{axis["start"]:.8g}' for axis in robot['task'])
-    wrong = [joint['name'] for joint in robot['joints'] if _is_outside(joint)]
+    outside = {joint['name'] for joint in robot['joints'] if _is_outside(joint)}
+    ends = [j['name'] for j in robot['joints'] if j['at_end'] and j['name'] not in outside]
     masses = ', '.join(f'{name} {value:.4g}' for name, value in robot['masses'].items())
     lines = [
         f'task: {task}',
         f'at the start, where a path should start: [{start}]',
         *([f'masses in kg: {masses}'] if masses else []),
-        *([f'outside of its limits at the start: {", ".join(wrong)}'] if wrong else []),
+        *_details(robot),
+        *([f'at the end of its range at the start: {", ".join(ends)}'] if ends else []),
+        *(f'warning: {note}' for note in (*robot['notes'], *robot['warnings'])),
     ]
     return '\n'.join([
         f'robot: {robot["kind"]}, {robot["parameters"]} base inertial parameters',
@@ -107,13 +168,46 @@ def _text(robot: dict[str, Any]) -> str:
         *table,
         '',
         *(fill(line, WIDTH, subsequent_indent='  ', break_on_hyphens=False) for line in lines),
+        *choice_lines(robot['choices']),
+        *([f'written: {robot["written"]}'] if robot['written'] else []),
     ])
+
+
+def _details(robot: dict[str, Any]) -> list[str]:
+    """Return lines about the robot of a URDF."""
+    if 'tip' not in robot:
+        return []
+    held = {
+        kind: [
+            f'{joint["name"]} {joint["position"]:g} {joint["unit"]}'
+            for joint in robot['held']
+            if joint['is_free'] == is_free
+        ]
+        for kind, is_free in (('held', False), ('free on the robot, held in the model', True))
+    }
+    mimic = [
+        f'{j["name"]} = {j["multiplier"]:g} {j["mimics"]} + {j["offset"]:g}'
+        for j in robot['mimic']
+    ]
+    return [
+        f'tip: {robot["tip"]}; reach from the first joint on the way to it:'
+        f' {robot["reach"]:.4g} m',
+        f'total mass: {robot["total_mass"]:.4g} kg',
+        f'friction: {robot["friction"]} (robot.friction)',
+        *(f'{kind}: {", ".join(joints)}' for kind, joints in held.items() if joints),
+        *([f'mimic: {", ".join(mimic)}'] if mimic else []),
+    ]
 
 
 def _is_outside(joint: dict[str, Any]) -> bool:
     lower, upper = joint.get('lower'), joint.get('upper')
     at = joint['start']
     return (lower is not None and at < lower) or (upper is not None and at > upper)
+
+
+def _torque(value: float | None, unit: str) -> str:
+    # Rounding errors of a torque that is 0 are none.
+    return '-' if value is None else f'{round(value, 9) + 0.0:.3g} {unit}'
 
 
 def _known(value: float | None, unit: str) -> str:

@@ -20,7 +20,7 @@ from types import FrameType
 from masmc_ros.cli.endings import end_with_parent
 from masmc_ros.errors import suggestion, UserError
 from masmc_ros.nodes.process.ending import on_end
-from masmc_ros.optional import explained, require_rclpy
+from masmc_ros.optional import remedy, require_rclpy
 
 NODES = {
     'plant': 'Simulated robot: receives commands, publishes its states.',
@@ -28,6 +28,7 @@ NODES = {
     'controller': 'Control law: responds to each state of the robot with a command.',
     'recorder': 'Recorder: writes all messages of a run unmodified into an MCAP file.',
     'live': 'View of a running robot in Foxglove, with its adjustable parameters.',
+    'play': 'Page with a running robot in 3D, plots and sliders of its gains.',
     'composed': 'Plant, trajectory and controller in one process.',
 }
 """Nodes and their help; the module `masmc_ros.nodes.NAME.node` contains each."""
@@ -63,7 +64,7 @@ def run_node(name: str, arguments: Sequence[str]) -> int:
         require_rclpy()
         status: int = importlib.import_module(f'masmc_ros.nodes.{name}.node').main(list(arguments))
     except ModuleNotFoundError as missing:
-        print(f'masmc run: {explained(missing)}', file=sys.stderr)
+        print(f'masmc run: {remedy(missing)}', file=sys.stderr)
         return 2
     except UserError as error:
         print(f'masmc run: {error}', file=sys.stderr)

@@ -10,14 +10,18 @@ from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 import math
 from pathlib import Path
+import shlex
 import shutil
 import sys
 from typing import NamedTuple
 
 from masmc_ros.aliases import Array, Flags
-from masmc_ros.cli.arguments import add_file, add_overwrite, add_settings
+from masmc_ros.cli.arguments import add_file, add_json, add_overwrite, add_path, add_settings
 from masmc_ros.cli.compile_notice import compile_notice
+from masmc_ros.cli.run_course import Course
+from masmc_ros.cli.urdf_choices import print_choices
 from masmc_ros.errors import InputError
+from masmc_ros.json_text import json_text
 from masmc_ros.log.read.reader import is_log, read_run, Run
 from masmc_ros.log.recover.overlap import check_apart
 from masmc_ros.loop.signals import largest_slip
@@ -25,12 +29,21 @@ from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.tick_block import Change
 from masmc_ros.output_files import check_absent
 from masmc_ros.params.declaration import Values
-from masmc_ros.params.scenario import activation, load_scenario, logged_scenario, strays
+from masmc_ros.params.scenario import (
+    activation,
+    load_scenario,
+    logged_scenario,
+    logged_trajectory,
+    lowest_limits,
+    source_of,
+    strays,
+)
+from masmc_ros.reference.sampled_trajectory import SampledTrajectory
 from masmc_ros.report.aligned import WIDTH
 from masmc_ros.report.measure.labels import law_label
-from masmc_ros.report.measure.metrics import Samples
+from masmc_ros.report.measure.metrics import MetricSamples
 from masmc_ros.report.measure.recomputed import Recomputed
-from masmc_ros.report.measure.table import text_table
+from masmc_ros.report.measure.table import json_table, text_table
 from masmc_ros.share import scenario_file, scenarios
 import numpy as np
 from tqdm import tqdm
@@ -46,29 +59,37 @@ class _Source(NamedTuple):
     changes: Sequence[Change]
     files: Mapping[str, bytes]
     run: Run | None = None
+    samples: SampledTrajectory | None = None
 
 
 class _ListScenarios(argparse.Action):
     """Option that lists the installed parameter files and ends the command."""
 
-    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        for name, path in scenarios().items():
-            print(f'{name}  {path}')
+    def __call__(
+        self, parser: argparse.ArgumentParser, options: argparse.Namespace, *_: object
+    ) -> None:
+        if options.json:
+            print(json_text({'scenarios': scenarios()}))
+        else:
+            for name, path in scenarios().items():
+                print(f'{name}  {path}')
         parser.exit()
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
     parser.description = (
-        'Compute the closed loop of a parameter file, bitwise identical to the nodes; or compute'
-        ' the run of a log again, and compare.'
+        'Compute the closed loop of a parameter file or URDF, bitwise identical to the nodes; or'
+        ' compute the run of a log again, and compare.'
     )
-    add_file(parser, ', or the log of a run')
-    text = 'list the installed parameter files'
+    add_file(parser, ', a URDF, or the log of a run')
+    text = 'list the installed parameter files; --json before it prints JSON'
     parser.add_argument('--list', action=_ListScenarios, nargs=0, help=text)
     add_settings(parser)
+    add_path(parser)
     parser.add_argument('--output', metavar='RUN.mcap', help='log the run into this file')
     add_overwrite(parser)
+    add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -83,8 +104,12 @@ def run(options: argparse.Namespace) -> int:
     if path is not None:
         _check_output(path, options.file, overwrite=options.overwrite)
     source = _source(options.file, options.set)
-    simulation = Simulation(source.values, source.changes)
+    simulation = Simulation(source.values, source.changes, source.samples)
     mechanism = simulation.plant.mechanism
+    limits = np.array(lowest_limits(source.values))
+    start = np.array(source.values['plant']['initial_joints'])
+    for note in (*mechanism.notes, *mechanism.start_warnings(start, limits.tolist())):
+        print(f'warning: {note}', file=sys.stderr)
     if path is not None:
         # Imported here: a run without a log does not need the packages that write MCAP.
         from masmc_ros.log.write.simulated import SimulationLog
@@ -96,7 +121,9 @@ def run(options: argparse.Namespace) -> int:
     # If velocities are commanded, there are no torques.
     torques: list[Array] = [np.zeros((0, len(mechanism.joints)))]
     active: list[Flags] = []
-    singular, slip = 0, 0.0
+    singular, ended, slip = 0, 0, 0.0
+    course = Course(mechanism, limits, ticks, simulation.timing.period)
+    ends = np.zeros(len(mechanism.joints), dtype=np.bool_)
     progress = tqdm(total=ticks, unit='tick', disable=None if ticks > _PROGRESS_FROM else True)
     label = law_label(source.values['controller'])
     notice = compile_notice(f'{label} for {mechanism.name}')
@@ -112,10 +139,15 @@ def run(options: argparse.Namespace) -> int:
             active.append(block.active)
             if not block.commands_rates:
                 torques.append(block.torque)
+            course.add(block)
             slip = max(slip, largest_slip(block.contact))
-            singular += int(block.singular.sum())
+            is_singular = block.singular[:, 0] != 0
+            at_end = mechanism.at_range_ends(block.position[is_singular, -len(ends):])
+            ends |= at_end.any(axis=0)
+            ended += int(at_end.any(axis=1).sum())
+            singular += int(is_singular.sum())
             progress.update(len(block))
-    samples = Samples.of_ticks(
+    samples = MetricSamples.of_ticks(
         np.concatenate(errors),
         np.concatenate(torques),
         simulation.timing.period,
@@ -125,20 +157,54 @@ def run(options: argparse.Namespace) -> int:
     )
     if any(change.values for change in source.changes):
         label = f'{label}, changed'
-    print(text_table({label: samples.metrics()}, WIDTH))
-    if comparison is not None:
-        print(comparison.verdict(is_changed=bool(options.set)))
-    if path is not None:
-        print(f'log: {path}')
-    if len(simulation.plant.contact):
-        print(f'fastest slip of a wheel: {1000.0 * slip:.3g} mm/s')
-    if singular:
+    metrics = {label: samples.metrics()}
+    has_contact = len(simulation.plant.contact) > 0
+    if options.json:
+        print(json_text({
+            **json_table(metrics),
+            'ticks': ticks,
+            'singular_ticks': singular - ended,
+            'range_end_ticks': ended,
+            **course.counts(),
+            'fastest_slip': slip if has_contact else None,
+            'recomputed': None if comparison is None else comparison.counts(),
+            'log': path,
+        }))
+    else:
+        print(text_table(metrics, WIDTH))
+        if comparison is not None:
+            print(comparison.verdict(is_changed=bool(options.set)))
+        if path is not None:
+            print(f'log: {path}')
+        if has_contact:
+            print(f'fastest slip of a wheel: {1000.0 * slip:.3g} mm/s')
+        if sys.stdout is not None and sys.stdout.isatty():
+            print(f'next: {_next_step(options.file, path)}')
+    if ended:
         print(
-            f'warning: {mechanism.lost} was close to singular at {singular} of {ticks} ticks;'
+            f'warning: {mechanism.range_ends_text(ends)} at {ended} of {ticks} ticks; motion for'
+            ' the task stops there',
+            file=sys.stderr,
+        )
+    if singular > ended:
+        print(
+            f'warning: {mechanism.lost} was close to singular at {singular - ended} of {ticks}'
+            ' ticks;'
             ' motion along the lost direction is damped there',
             file=sys.stderr,
         )
+    for text in course.warnings():
+        print(f'warning: {text}', file=sys.stderr)
     return 0
+
+
+def _next_step(file: str, log: Path | None) -> str:
+    """Return the command that shows the run, for a person at a terminal."""
+    if log is not None:
+        return f'masmc report {shlex.quote(str(log))}, or masmc view for an animation'
+    if is_log(Path(file)):
+        return f'masmc report {shlex.quote(file)}'
+    return f'masmc play {shlex.quote(file)}, or --output run.mcap for masmc report run.mcap'
 
 
 def _check_output(path: Path, file: str, *, overwrite: bool) -> None:
@@ -171,9 +237,12 @@ def _size_text(size: float) -> str:
 def _source(file: str, settings: Sequence[str]) -> _Source:
     if is_log(Path(file)):
         logged = read_run(file)
-        return _Source(*logged_scenario(logged, settings), logged.attachments, logged)
+        samples = logged_trajectory(logged, settings)
+        return _Source(*logged_scenario(logged, settings), logged.attachments, logged, samples)
     file = scenario_file(file)
-    values = load_scenario(file, settings)
+    source, values = source_of(file, settings), load_scenario(file, settings)
+    print_choices(file, settings)
     for line in strays(file, settings):
         print(line, file=sys.stderr)
-    return _Source(values, activation(values), {file: Path(file).read_bytes()})
+    name = file if source.defaults is None else str(Path(file).with_suffix('.yaml'))
+    return _Source(values, activation(values), {name: source.text})

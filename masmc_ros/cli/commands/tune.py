@@ -18,17 +18,21 @@ from masmc_ros.campaign.summary import label
 from masmc_ros.campaign.tune import Candidate, FORM, Tuning
 from masmc_ros.cli.arguments import (
     add_file,
+    add_json,
     add_output,
+    add_path,
     add_seed,
     add_settings,
     add_threads,
     count,
 )
 from masmc_ros.cli.campaign_options import add_draws
+from masmc_ros.cli.urdf_choices import print_choices
+from masmc_ros.json_text import json_text
 from masmc_ros.output_files import check_folder, make_folder, write_file
 from masmc_ros.report.aligned import aligned, WIDTH
 from masmc_ros.report.draw.campaign_figures import front_figure
-from masmc_ros.report.draw.style import paper_style, png
+from masmc_ros.report.draw.style import figure_file, paper_style
 from masmc_ros.report.measure.table import Column, number
 from masmc_ros.share import scenario_file
 import numpy as np
@@ -49,6 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f'parameter to search, {FORM}; NAME as in --set; repeatable',
     )  # fmt: skip
     add_settings(parser)
+    add_path(parser)
     add_draws(parser, is_required=False)
     parser.add_argument(
         '--runs', type=count, default=16, metavar='N',
@@ -70,6 +75,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_seed(parser, 'the draws and of the search')
     add_threads(parser)
     add_output(parser, 'tune')
+    add_json(parser)
 
 
 def _percentile(text: str) -> float:
@@ -86,8 +92,10 @@ def run(options: argparse.Namespace) -> int:
     """Search, write the front and the parameter file, and print the front."""
     folder = Path(options.output)
     check_folder(folder)
+    file = scenario_file(options.file)
+    print_choices(file, options.set)
     tuned = search(
-        Scenario(scenario_file(options.file), tuple(options.set)),
+        Scenario(file, tuple(options.set)),
         options.tune,
         options.draw,
         runs=options.runs,
@@ -108,7 +116,9 @@ def run(options: argparse.Namespace) -> int:
                 result.candidates, result.front, [result.chosen], [result.start]
             )
         )  # fmt: skip
-        figure = png(front_figure(everything, front, chosen, start, label(first), label(second)))
+        figure = figure_file(
+            front_figure(everything, front, chosen, start, label(first), label(second))
+        )
     contents = {
         'tuned.yaml': tuned.text.encode(),
         'front.csv': _table(result.front, names, objectives).encode(),
@@ -120,8 +130,13 @@ def run(options: argparse.Namespace) -> int:
             write_file(folder / name, content)
     finally:
         # The gains are not lost if they cannot be written, such as on a full disk.
-        print(_text(result, names, objectives))
-    print(f'results: {folder}/ ({", ".join(contents)})')
+        if options.json:
+            files = [folder / name for name in contents]
+            print(json_text({**_summary(result, objectives), 'files': files}))
+        else:
+            print(_text(result, names, objectives))
+    if not options.json:
+        print(f'results: {folder}/ ({", ".join(contents)})')
     return 0
 
 
@@ -145,6 +160,22 @@ def _text(result: Tuning, names: Sequence[str], objectives: Sequence[Column]) ->
     head = ['', *map(label, objectives), *names]
     count = f'{len(result.candidates)} candidates, {len(result.front)} of them on the front:'
     return '\n'.join([count, '', *aligned([head, *rows], (0,), rule=1, width=WIDTH)]) + '\n'
+
+
+def _summary(result: Tuning, objectives: Sequence[Column]) -> dict[str, object]:
+    """Return the front, the chosen candidate and the scenario for JSON, in SI units."""
+
+    def row(candidate: Candidate) -> dict[str, object]:
+        reached = zip((c.name for c in objectives), candidate.objectives, strict=True)
+        return {'objectives': dict(reached), 'values': candidate.values}
+
+    return {
+        'objectives': [{'name': c.name, 'unit': c.unit} for c in objectives],
+        'candidates': len(result.candidates),
+        'front': [row(candidate) for candidate in result.front],
+        'chosen': row(result.chosen),
+        'scenario': row(result.start),
+    }
 
 
 def _table(

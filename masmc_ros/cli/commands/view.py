@@ -7,18 +7,17 @@ from __future__ import annotations
 
 import argparse
 from contextlib import suppress
-import getpass
 import os
 from pathlib import Path
 import shutil
-import socket
 import subprocess
 import sys
 from tempfile import TemporaryDirectory
 from urllib.parse import urlencode
 
 from masmc_ros.cli.commands.layout import robot_in, write_layout
-from masmc_ros.cli.show.file_server import FileServer, HOST
+from masmc_ros.cli.show.desktop import tunnel_hint
+from masmc_ros.cli.show.file_server import FileServer
 from masmc_ros.cli.show.served_meshes import described, write_with_addresses
 from masmc_ros.errors import InputError
 from masmc_ros.log.mcap.codec import check_magic, MAGIC, truncated_message
@@ -67,7 +66,7 @@ def _serve(path: Path, port: int, layout: Path) -> None:
             print(f'{path} is at {url}')
             print(f'open in the browser: https://app.foxglove.dev/?{query}')
             print(f'or in the application: foxglove://open?{query}')
-            if tunnel := _tunnel(server.server_port):
+            if tunnel := tunnel_hint(server.server_port):
                 print(tunnel)
             print(_layout_hint(layout))
             print('until Ctrl-C', flush=True)
@@ -147,26 +146,3 @@ def _check(path: Path) -> None:
         raise InputError(f'{path}: cannot be read: {reason}') from error
     if not is_whole:
         raise InputError(truncated_message(path))
-
-
-def _tunnel(port: int) -> str:
-    """Return how a browser on another machine reaches a port of this one; '' with a desktop."""
-    remote = os.environ.get('SSH_CONNECTION', '').split()
-    has_desktop = sys.platform == 'darwin' or bool(
-        os.environ.get('DISPLAY') or os.environ.get('WAYLAND_DISPLAY')
-    )
-    if has_desktop and not remote:
-        return ''
-    # Client, its port, server, its port.
-    host = remote[2] if len(remote) == 4 else socket.gethostname()
-    user = 'USER'
-    # A container may run as a user without a name; Python before 3.13 raises KeyError.
-    with suppress(KeyError, OSError):
-        user = getpass.getuser()
-    command = f'ssh -N -L {port}:{HOST}:{port} {user}@{host}'
-    if len(remote) == 4 and remote[3] != '22':
-        command += f' -p {remote[3]}'
-    return (
-        f'without a browser here: on the machine that has one run `{command}`, then open the same'
-        ' address there; --port keeps it at one port'
-    )

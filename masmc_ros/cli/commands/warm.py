@@ -9,20 +9,24 @@ import argparse
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
-from masmc_ros.cli.arguments import add_settings
+from masmc_ros.cli.arguments import add_json, add_settings
 from masmc_ros.cli.compile_notice import compile_notice
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.identification.effort_echo import compile_echo
 from masmc_ros.jit.record import AT_RUN_TIME
+from masmc_ros.json_text import json_text
 from masmc_ros.law import registry
 from masmc_ros.loop.preparation import code_for
 from masmc_ros.loop.simulated_robot import plant_of
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.params.declaration import Values
 from masmc_ros.params.scenario import load_scenario
+from masmc_ros.reference.joined import load_code
 from masmc_ros.report.measure.labels import law_label
 from masmc_ros.robot.mechanisms import mechanism_from
+from masmc_ros.robot.robot import robot_of
 from masmc_ros.share import scenario_file
 
 _TICKS = 3
@@ -54,34 +58,45 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = 'laws, separated by commas, or all; by default smc, rasmc and that of the file'
     parser.add_argument('--laws', metavar='LAWS', help=text)
     add_settings(parser)
+    add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
     """Compile the code of each law, and print the time that this took."""
     file = scenario_file(options.file or 'paper')
     values = load_scenario(file, options.set)
+    def warm(file: str, settings: Sequence[str]) -> None:
+        row = _warm(file, settings)
+        rows.append(row)
+        if not options.json:
+            seconds = row['compile_time']
+            state = f'compiled in {seconds:.1f} s' if seconds > 0.0 else 'present'
+            print(f'{row["law"]} for {row["robot"]}: {state}')
+
+    rows: list[dict[str, Any]] = []
     for law in _laws(options.laws, values['controller']['law']):
-        _warm(file, [*options.set, f'controller.law={law}'])
+        warm(file, [*options.set, f'controller.law={law}'])
     if options.file is None and options.laws is None and not options.set:
         with TemporaryDirectory() as folder:
             path = Path(folder) / 'arm.yaml'
             path.write_text(_FILE, encoding='utf-8')
-            _warm(str(path), [])
+            warm(str(path), [])
+    if options.json:
+        print(json_text({'code': rows}))
     return 0
 
 
-def _warm(file: str, settings: Sequence[str]) -> None:
-    """Load or compile the code of a parameter file with settings; print one line."""
+def _warm(file: str, settings: Sequence[str]) -> dict[str, Any]:
+    """Load or compile the code of a parameter file with settings; return its description."""
     values = load_scenario(file, settings)
     duration = _TICKS * values['plant']['control_period']
     values = load_scenario(file, [*settings, f'duration={duration}'])
     mechanism = mechanism_from(values['plant'])
     robot = 'robots of URDFs' if AT_RUN_TIME in mechanism.sizes else mechanism.name
-    label = f'{law_label(values["controller"])} for {robot}'
-    with compile_notice(label) as watch:
+    law = law_label(values['controller'])
+    with compile_notice(f'{law} for {robot}') as watch:
         _load(values)
-    state = f'compiled in {watch.total:.1f} s' if watch.total > 0.0 else 'present'
-    print(f'{label}: {state}')
+    return {'law': law, 'robot': robot, 'compile_time': watch.total}
 
 
 def _laws(chosen: str | None, of_file: str) -> tuple[str, ...]:
@@ -96,10 +111,11 @@ def _laws(chosen: str | None, of_file: str) -> tuple[str, ...]:
 
 
 def _load(values: Mapping[str, Values]) -> None:
-    """Load all kernels of a simulation, a controller node and a plant node, or compile them."""
+    """Load all kernels of a simulation and of the nodes, or compile them."""
     for _ in Simulation(values).run():
         pass
     plant = plant_of(values['plant'], values['plant']['control_period'])
     plant.compile()
     compile_echo()
     code_for(plant.mechanism, values['controller']).load()
+    load_code(robot_of(values['trajectory']))

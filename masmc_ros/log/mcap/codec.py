@@ -33,9 +33,41 @@ MESSAGE_HEAD = struct.Struct('<BQHIQQ')
 LARGEST_CHUNK = 2**28
 """Maximum unpacked size of a compressed chunk in bytes; a larger one is not compressed."""
 
+_BLOCK = 2**16
+"""Number of compressed bytes that are unpacked at a time."""
+
 
 class LargeChunkError(ValueError):
     """A chunk is larger than LARGEST_CHUNK, and its checksum and sizes show no damage."""
+
+
+ZSTD_MAGIC = zstandard.FRAME_HEADER
+"""First bytes of a file or message that rosbag2 compressed as a whole; no CDR starts so."""
+
+
+def decompressed_zstd(data: Data, limit: int) -> bytes:
+    """
+    Return the content of a file or message that rosbag2 compressed as a whole.
+
+    Raises
+    ------
+    ValueError
+        if the data are damaged, or if the content is longer than a limit in bytes.
+
+    """
+    decompressor = zstandard.ZstdDecompressor().decompressobj()
+    parts, size = [], 0
+    try:
+        for first in range(0, len(data), _BLOCK):
+            parts.append(decompressor.decompress(data[first:first + _BLOCK]))
+            size += len(parts[-1])
+            if size > limit:
+                raise ValueError(f'its {len(data)} bytes unpack to more than {limit} bytes')
+    except zstandard.ZstdError as error:
+        raise ValueError(f'its compressed data are damaged: {error}') from error
+    if not decompressor.eof:
+        raise ValueError('its compressed data are damaged: they do not end')
+    return b''.join(parts)
 
 
 def check_magic(path: Path, start: bytes) -> None:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.read.contents import Topic
+from masmc_ros.log.read.contents import NO_TIME, Topic
 from masmc_ros.log.read.decode import message_decoder, Series
 from masmc_ros.messages.platform_messages import twist_numbers, TwistCdr, TwistStampedCdr
 from masmc_ros.messages.stamps import header_stamp
@@ -55,7 +55,7 @@ def twists(topic: Topic, joint_commands: Series | None, places: Sequence[int]) -
                 stamp = header_stamp(raw)
                 twist = getattr(twist, 'twist', twist)
             numbers = np.array([float(number) for number in twist_numbers(twist)])
-            if np.isfinite(numbers).all():
+            if np.isfinite(numbers).all() and (is_stamped or log_time != NO_TIME):
                 stamps.append(stamp)
                 values.append(numbers[list(places)])
                 orders.append(order)

@@ -11,6 +11,12 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from mcap.records import Schema
 
+NO_TIME = -(2**63)
+"""Log time of a message whose time is not known."""
+
+LATEST_TIME = 2**62
+"""Latest log time in ns, of the year 2116: sums fit into 64 bits. Damaged logs have later ones."""
+
 
 @dataclass
 class Topic:

@@ -14,7 +14,7 @@ from typing import Any
 
 from masmc_ros.aliases import Array, Stamps
 from masmc_ros.errors import InputError
-from masmc_ros.log.read.contents import Topic
+from masmc_ros.log.read.contents import NO_TIME, Topic
 from masmc_ros.messages import deserialised
 from masmc_ros.messages.cdr_layout import (
     checked_stamp,
@@ -262,5 +262,6 @@ def decode_references(topic: Topic, axes: int) -> list[tuple[int, ReferenceWindo
             if window is None:
                 make = make or message_decoder(topic)
                 window = ReferenceWindow.from_message(make(raw), axes)
-            windows.append((log_time, window))
+            if window.stamp_ns is not None or log_time != NO_TIME:
+                windows.append((log_time, window))
     return windows

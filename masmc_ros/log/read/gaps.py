@@ -10,10 +10,10 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from masmc_ros.control.stamp_order import in_time
 from masmc_ros.errors import InputError
 from masmc_ros.messages.cdr_layout import NANOSECONDS
 from masmc_ros.messages.names import STATE_TOPIC
+from masmc_ros.messages.stamp_order import in_time
 from masmc_ros.messages.stamps import header_stamp
 from mcap.reader import make_reader
 import numpy as np

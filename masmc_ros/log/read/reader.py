@@ -10,27 +10,29 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import mode
-from typing import cast
+from typing import cast, NoReturn, TYPE_CHECKING
 
 from masmc_ros.aliases import Array
-from masmc_ros.control.stamp_order import in_time, state_timeout
 from masmc_ros.errors import InputError
 from masmc_ros.jit.field import ONE
 from masmc_ros.law.command_interface import COMMAND_INTERFACE, COMMAND_INTERFACES, HYBRID
 from masmc_ros.log.bag import METADATA_FILE
 from masmc_ros.log.read import decode
 from masmc_ros.log.read.commanded_rates import twists
-from masmc_ros.log.read.contents import LogContents, Topic
+from masmc_ros.log.read.contents import LogContents, NO_TIME, Topic
+from masmc_ros.log.read.message_order import align_log_times, sort_by_log_time
 from masmc_ros.log.read.parameter_history import parameter_history
 from masmc_ros.log.read.platform_pose import with_platform_pose
-from masmc_ros.log.read.timeline import last_pass, PassStart, sample_reference
+from masmc_ros.log.read.timeline import last_pass_in_order, PassStart, sample_reference
 from masmc_ros.loop.signals import CONTACT, PUBLISHED, Signal
 from masmc_ros.messages import names as message_names
+from masmc_ros.messages.cdr_layout import NANOSECONDS
 from masmc_ros.messages.commands import ARM_VELOCITY, EFFORT
 from masmc_ros.messages.parameter_record import ParameterRecord
+from masmc_ros.messages.stamp_order import in_time, state_timeout
 from masmc_ros.messages.string_message import text_of
 from masmc_ros.messages.telemetry import telemetry_count
-from masmc_ros.messages.topics import FLOAT_ARRAY, ODOMETRY, TOPICS, TWIST, TWIST_STAMPED
+from masmc_ros.messages.topics import FLOAT_ARRAY, ODOMETRY, STRING, TOPICS, TWIST, TWIST_STAMPED
 from masmc_ros.params.declaration import MutableValues, Values
 from masmc_ros.robot.declaration import Mechanism, Quantity, URDF
 from masmc_ros.robot.joint_names import (
@@ -49,6 +51,16 @@ _STATE_TYPE = 'sensor_msgs/msg/JointState'
 
 _TYPES = _STATE_TYPE, ODOMETRY, FLOAT_ARRAY, TWIST, TWIST_STAMPED
 """Types of the topics from which a run is read."""
+
+_PLACES = {
+    'applied': '; its name here is `applied_effort`',
+    'rates': '; the commanded velocities are `cmd_vel` and `arm_rates`',
+    **dict.fromkeys(
+        ('true_position', 'true_velocity', 'age', 'singular'),
+        '; no topic has it, a simulated run does',
+    ),
+}
+"""Ends of messages about signals that only simulated runs have as attributes."""
 
 
 @dataclass(frozen=True)
@@ -107,6 +119,10 @@ class Run:
     contact
         (K, contacts x CONTACT) telemetry of each contact with the ground; None if the log has
         none.
+    notes
+        sentences about messages that are not used, and about clocks that differ.
+    controller_states
+        (time in s, `controller/state`): the state at the start, and each later one.
 
     """
 
@@ -130,6 +146,18 @@ class Run:
     joint_names: tuple[str, ...] = message_names.JOINTS
     elsewhere: tuple[str, ...] = ()
     contact: decode.Series | None = None
+    notes: tuple[str, ...] = ()
+    controller_states: tuple[tuple[float, str], ...] = ()
+
+    # Type checkers report unknown names themselves, unless they see this method.
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> NoReturn:
+            """Raise AttributeError, for a signal of simulated runs with its place in this run."""
+            place = _PLACES.get(name, '')
+            if any(signal.name == name for signal in PUBLISHED):
+                place = f"; run.telemetry['{name}'] if the log has it"
+            raise AttributeError(f'{name}: no attribute of a logged run{place}')
 
     @property
     def commands_rates(self) -> bool:
@@ -169,8 +197,8 @@ class Run:
 def is_log(path: Path) -> bool:
     """Return True if a file has the name of a log, or if a folder contains a recording."""
     if path.is_dir():
-        return (path / METADATA_FILE).exists() or any(path.glob('*.mcap'))
-    return path.suffix == '.mcap'
+        return (path / METADATA_FILE).exists() or any(path.glob('*.mcap*'))
+    return path.name.endswith(('.mcap', '.mcap.zstd'))
 
 
 def read_run(path: str | Path) -> Run:
@@ -204,6 +232,7 @@ def read_run(path: str | Path) -> Run:
 def _run(path: Path, contents: LogContents) -> Run:
     states_topic = _only_states(contents)
     namespace = states_topic.name.removesuffix(message_names.STATE_TOPIC)
+    sort_by_log_time(contents, states_topic)
 
     def series(name: str, kind: decode.MessageFormat) -> decode.Series | None:
         """Return None for a topic without messages that a receiver accepts."""
@@ -216,13 +245,28 @@ def _run(path: Path, contents: LogContents) -> Run:
     mechanism, names = _robot(contents, namespace, start)
     base, twist_size, axes = len(mechanism.base), len(mechanism.twist), len(mechanism.axes)
     every_state, odometry = _states(contents, namespace, states_topic, mechanism, names)
+    if not every_state.stamps.any() and len(every_state) > 1:
+        raise InputError(
+            f'{states_topic.name}: the stamps of all {len(every_state)} states are 0; expected'
+            ' their times, which the node that publishes them must set in header.stamp'
+        )
     taken = in_time(every_state.stamps, _gap_ns(start))
     assert every_state.orders is not None
     pass_start = PassStart(every_state.orders[taken], every_state.stamps[taken])
-    kept = taken[last_pass(every_state.stamps[taken])]
-    states = decode.Series(every_state.stamps[kept], every_state.values[kept])
+    kept = taken[last_pass_in_order(every_state.stamps[taken])]
+    states = decode.Series(
+        every_state.stamps[kept], every_state.values[kept], every_state.orders[kept]
+    )
+    notes = align_log_times(contents, states_topic, states)
+    counts = {
+        'that cannot be used': len(states_topic.messages) - len(every_state),
+        'that arrived late': len(every_state) - len(taken),
+        'before a reset or repeated': len(taken) - len(kept),
+    }
     if odometry is not None:
         states = with_platform_pose(states, odometry, pass_start)
+        counts['without a pose of the platform'] = len(kept) - len(states)
+    notes += _left_out(states_topic, counts)
     history = parameter_history(contents, namespace, pass_start)
     _insert_description(history.start, contents, namespace)
     position, velocity, effort = np.hsplit(states.values, 3)
@@ -242,6 +286,21 @@ def _run(path: Path, contents: LogContents) -> Run:
         reference = sample_reference(decode.decode_references(topic, axes), states.stamps, axes)
     contact = _topic(contents, namespace + message_names.CONTACT_TOPIC, FLOAT_ARRAY)
     signals = {}
+    torque = _last_pass(efforts, len(names) - base, pass_start)
+    cmd_vel = _last_pass(twist, twist_size, pass_start)
+    rates = _last_pass(arm_rates, len(rated.joints), pass_start)
+    for name, decoded, used in (
+        (message_names.COMMAND_TOPIC, efforts, torque),
+        (message_names.CMD_VEL_TOPIC, twist, cmd_vel),
+        (message_names.ARM_VELOCITY_TOPIC, arm_rates, rates),
+    ):
+        topic = contents.topics.get(namespace + name)
+        if topic is not None and topic.messages:
+            usable = 0 if decoded is None else len(decoded)
+            notes += _left_out(topic, {
+                'that cannot be used': len(topic.messages) - usable,
+                'before a reset or repeated': usable - len(used),
+            })
     for signal in PUBLISHED:
         count = signal.count(mechanism.sizes)
         name = message_names.telemetry_topic(signal.label)
@@ -254,9 +313,9 @@ def _run(path: Path, contents: LogContents) -> Run:
         position=position,
         velocity=velocity,
         applied_effort=effort[:, base:],
-        torque=_last_pass(efforts, len(names) - base, pass_start),
-        cmd_vel=_last_pass(twist, twist_size, pass_start),
-        arm_rates=_last_pass(arm_rates, len(rated.joints), pass_start),
+        torque=torque,
+        cmd_vel=cmd_vel,
+        arm_rates=rates,
         reference=reference,
         telemetry=signals,
         parameters=history.start,
@@ -269,7 +328,36 @@ def _run(path: Path, contents: LogContents) -> Run:
         joint_names=names,
         elsewhere=tuple(_elsewhere(contents, namespace, *_TYPES)),
         contact=_contact(contact, pass_start),
+        notes=tuple(notes),
+        controller_states=_controller_states(
+            contents, namespace, pass_start, float(states.times[0])
+        ),
     )
+
+
+def _controller_states(
+    contents: LogContents, namespace: str, pass_start: PassStart, start: float
+) -> tuple[tuple[float, str], ...]:
+    """Return times in s and texts: the state at the start of the pass, and later ones."""
+    topic = contents.topics.get(namespace + message_names.CONTROLLER_STATE_TOPIC)
+    states: list[tuple[float, str]] = []
+    if topic is None or _type_name(topic) != STRING:
+        return ()
+    for order, time, raw in zip(topic.orders, topic.log_times, topic.messages, strict=True):
+        with suppress(InputError):
+            text = text_of(raw)
+            if not pass_start.is_over(order):
+                states = [(start, text)]
+            elif time != NO_TIME:
+                states.append((time / NANOSECONDS, text))
+    return tuple(states)
+
+
+def _left_out(topic: Topic, counts: Mapping[str, int]) -> list[str]:
+    """Return a sentence about the messages of a topic that are not used, by their reasons."""
+    parts = [f'{count} {reason}' for reason, count in counts.items() if count]
+    total = len(topic.messages)
+    return [f'{topic.name}: {" and ".join(parts)}, of {total} messages.'] if parts else []
 
 
 def _is_hybrid(parameters: Mapping[str, Values]) -> bool:

@@ -13,7 +13,7 @@ import struct
 from masmc_ros.errors import InputError
 from masmc_ros.log.bag import part_names, REPEATED
 from masmc_ros.log.mcap import codec
-from masmc_ros.log.read.contents import LogContents, Topic
+from masmc_ros.log.read.contents import LATEST_TIME, LogContents, Topic
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
 
@@ -53,7 +53,22 @@ def scan(path: Path) -> LogContents:
     is_folder = os.path.isdir(path)
     for part in [path / name for name in part_names(path)] if is_folder else [path]:
         _scan_file(part, contents)
+    for topic in contents.topics.values():
+        _decompress_messages(path, topic)
     return contents
+
+
+def _decompress_messages(path: Path, topic: Topic) -> None:
+    """Decompress the messages of a topic of a bag with message compression."""
+    if not topic.messages or not topic.messages[0].startswith(codec.ZSTD_MAGIC):
+        return
+    room = min(max(codec.LARGEST_CHUNK, _LARGEST_RATIO * sum(map(len, topic.messages))), _MEMORY)
+    for index, message in enumerate(topic.messages):
+        try:
+            topic.messages[index] = codec.decompressed_zstd(message, room)
+        except ValueError as error:
+            raise InputError(f'{path}: {topic.name}: message {index}: {error}') from error
+        room -= len(topic.messages[index])
 
 
 def _scan_file(path: Path, contents: LogContents) -> None:
@@ -65,7 +80,11 @@ def _scan_file(path: Path, contents: LogContents) -> None:
             if not os.fstat(stream.fileno()).st_size:
                 raise InputError(f'{path}: is empty; name a log such as run.mcap')
             with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
-                _scan_data(path, data, contents)
+                if data[: len(codec.ZSTD_MAGIC)] == codec.ZSTD_MAGIC:
+                    limit = min(max(codec.LARGEST_CHUNK, _LARGEST_RATIO * len(data)), _MEMORY)
+                    _scan_data(path, codec.decompressed_zstd(data, limit), contents)
+                else:
+                    _scan_data(path, data, contents)
     except (OSError, ValueError) as error:
         reason = getattr(error, 'strerror', None) or error
         raise InputError(f'{path}: cannot be read: {reason}') from error
@@ -144,7 +163,7 @@ class _Collector:
                 return
             topic.orders.append(self._number)
             self._number += 1
-            topic.log_times.append(log_time)
+            topic.log_times.append(min(log_time, LATEST_TIME))
             topic.messages.append(message)
             return
         record = codec.parsed(data[start:end]) if opcode in _READ else None

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Iterable
 from typing import cast, NamedTuple
 
@@ -22,6 +23,73 @@ _END_OF_TIME = np.iinfo(np.int64).max
 
 _REACH = 10_000
 """Number of messages of a log by which its topics may be out of order."""
+
+_COVERED = 1.5
+"""Interval between two earlier stamps, in periods, which leaves no room for one more."""
+
+_CONFIRMED = 3
+"""Number of consecutive stamps in time that has passed already, which prove a reset."""
+
+
+def resets(stamps: Stamps) -> list[int]:
+    """
+    Return the places of those `stamps` (n), in the order of the log, that start a new pass.
+
+    A log may be out of order: its recorder compresses in several threads, or files were merged.
+    A late message then fills a gap. After a reset, time that has passed already passes again:
+    stamps are equal to earlier ones, or consecutive stamps lie between adjacent earlier ones.
+    """
+    steps = np.diff(stamps)
+    if not (steps < 0).any():
+        return []
+    distances = np.diff(np.unique(stamps))
+    room = _COVERED * float(np.median(distances)) if len(distances) else 0.0
+    start = int(np.argmax(steps < 0)) + 1
+    passed: list[int] = np.unique(stamps[:start]).tolist()
+    places, first_covered, count = [], 0, 0
+    for index, stamp in enumerate(stamps[start:].tolist(), start):
+        if stamp > passed[-1]:
+            passed.append(stamp)
+            count = 0
+            continue
+        place = bisect_left(passed, stamp)
+        is_equal = passed[place] == stamp
+        # A repeated message is no reset.
+        if is_equal and stamp == stamps[index - 1]:
+            continue
+        is_between = place > 0 and passed[place] - passed[place - 1] < room
+        is_before = place == 0 and passed[0] - stamp > NANOSECONDS
+        if not (is_equal or is_between):
+            count = 0
+        elif count == 0 or stamp < stamps[index - 1]:
+            first_covered, count = index, 1
+        else:
+            count += 1
+        if is_equal or is_before or count == _CONFIRMED:
+            first = index if not count else first_covered
+            places.append(first)
+            void_from = int(stamps[first:index + 1].min())
+            del passed[bisect_left(passed, void_from):]
+            passed += sorted(stamps[first:index + 1].tolist())
+            count = 0
+        elif count == 0:
+            passed.insert(place, stamp)
+    return places
+
+
+def last_pass_in_order(stamps: Stamps) -> NDArray[np.intp]:
+    """
+    Return the places of the valid `stamps` (n), as `last_pass`, in the order of time.
+
+    The stamps of a pass may be out of order in the log.
+    """
+    if not (np.diff(stamps) < 0).any():
+        return last_pass(stamps)
+    starts = np.zeros(len(stamps), np.int64)
+    starts[resets(stamps)] = 1
+    order = np.lexsort((stamps, np.cumsum(starts)))
+    places: NDArray[np.intp] = order[last_pass(stamps[order])]
+    return places
 
 
 def last_pass(stamps: Stamps) -> NDArray[np.intp]:
@@ -60,7 +128,7 @@ class PassStart:
         """
         self._orders, self._stamps = np.array(orders, np.int64), np.array(stamps, np.int64)
         steps = np.diff(self._stamps)
-        self._first = int(np.max(np.flatnonzero(steps < 0) + 1, initial=0))
+        self._first = max(resets(self._stamps), default=0)
         self._period = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
         if self._first:
             self._order, self._stamp = int(self._orders[self._first]), self._stamps[self._first]
@@ -84,7 +152,7 @@ class PassStart:
     def kept(self, orders: NDArray[np.int64], stamps: Stamps) -> NDArray[np.intp]:
         """Return the indices of the records (n) of a topic that are valid and of its last pass."""
         valid = np.flatnonzero(self.are_valid(orders, stamps))
-        return valid[last_pass(stamps[valid])]
+        return valid[last_pass_in_order(stamps[valid])]
 
     def are_valid(self, orders: NDArray[np.int64], stamps: Stamps) -> NDArray[np.bool_]:
         """

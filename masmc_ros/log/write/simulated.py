@@ -158,12 +158,13 @@ class SimulationLog:
         return self._writer.size
 
     def _write_change(self, change: Change) -> None:
-        """Write a change of the controller at its first tick."""
-        before = self._changes[-1].parameters if self._changes else self._values['controller']
+        """Write a change of a node at its first tick."""
+        node, values = f'/{change.node}', self._values[change.node]
+        before = (past.parameters for past in reversed(self._changes) if past.node == node)
         stamp, changed = self._simulation.timing.stamp(change.tick), tuple(change.values)
-        values = {**before, **change.values}
         record = ParameterRecord(
-            '/controller', change.tick, stamp, values, changed, change.event
+            node, change.tick, stamp, {**next(before, values), **change.values}, changed,
+            change.event,
         )
         self._changes.append(record)
         self._write_record(record)

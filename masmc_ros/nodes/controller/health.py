@@ -1,31 +1,114 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Report of the controller on /diagnostics."""
+"""Report of the controller on /diagnostics: times of ticks, limited torques, ages of states."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+import math
 import time
 
 from masmc_ros.control.controller_core import ControllerCore
 from masmc_ros.control.state_lateness import outdated_latency
 from masmc_ros.control.supervisor import ACTIVE, FAULT
 from masmc_ros.loop.controller import Controller
-from masmc_ros.nodes.controller.command_output import CommandOutput
-from masmc_ros.nodes.controller.limited_ticks import Saturation
-from masmc_ros.nodes.controller.tick_times import TickTimes
-from masmc_ros.nodes.process.diagnostics import ERROR, Health, OK, senders, WARN
-from masmc_ros.nodes.process.rejected_messages import RejectedMessages
+from masmc_ros.nodes.controller.output import CommandOutput
+from masmc_ros.nodes.process.diagnostics import ERROR, Health, OK, RejectedMessages, senders, WARN
 import numpy as np
 from rclpy.clock import Clock, ROSClock
 from rclpy.node import Node
+
+
+class TickTimes:
+    """
+    Durations of ticks.
+
+    Attributes
+    ----------
+    total
+        Number of ticks.
+    overruns
+        Number of ticks that took longer than a period.
+
+    """
+
+    def __init__(self, period: float) -> None:
+        """Initialise with the control period in s."""
+        self._period = period
+        self._since = time.monotonic()
+        self._counted = 0
+        self._longest = self._sum = 0.0
+        self.total = 0
+        self.overruns = 0
+
+    def add(self, duration: float) -> None:
+        """Count a tick that took `duration` s."""
+        self.total += 1
+        self._sum += duration
+        if duration > self._longest:
+            self._longest = duration
+        if duration > self._period:
+            self.overruns += 1
+
+    def report(self) -> dict[str, str]:
+        """Return rate, mean and longest tick since the last report, and the total overruns."""
+        now = time.monotonic()
+        count = self.total - self._counted
+        rate = count / max(now - self._since, 1e-9)
+        report = {
+            'rate (1/s)': f'{rate:.1f}',
+            'mean tick (ms)': f'{1e3 * self._sum / max(count, 1):.3f}',
+            'longest tick (ms)': f'{1e3 * self._longest:.3f}',
+            'overruns': str(self.overruns),
+        }
+        self._since, self._counted = now, self.total
+        self._longest = self._sum = 0.0
+        return report
+
+
+class Saturation:
+    """Counts of ticks between two reports."""
+
+    def __init__(self, joints: Sequence[str]) -> None:
+        """Initialise the counts for joints of these names."""
+        self._joints = joints
+        self._ticks = self._limited = 0
+        self._limited_by_joint = np.zeros(len(joints), np.int64)
+
+    def add(self, controller: Controller) -> None:
+        """Count a computed tick."""
+        self._ticks += 1
+        if controller.has_limits:
+            is_limited = controller.torque != controller.raw_torque
+            self._limited_by_joint += is_limited
+            self._limited += bool(is_limited.any())
+
+    def report(self) -> dict[str, str]:
+        """Return the shares since the last report, in total and by joint; restart the counts."""
+        ticks = max(self._ticks, 1)
+        joints = [
+            f'{joint} {count / ticks:.0%}'
+            for joint, count in zip(self._joints, self._limited_by_joint.tolist(), strict=True)
+            if count
+        ]
+        report = {
+            'ticks with limited torque': f'{self._limited / ticks:.1%}',
+            'joints with limited torque': ', '.join(joints) or 'none',
+        }
+        self._ticks = self._limited = 0
+        self._limited_by_joint[:] = 0
+        return report
+
 
 _SAME_CLOCK = 1e3
 """Largest difference in s between a stamp and the node's time if both have the same clock."""
 
 _SKIPPED_SHARE = 0.05
 """Share of control periods without a separate command above which a warning is reported."""
+
+_SILENCE = 1.0
+"""Time in s without a usable state after which an active controller reports a warning."""
 
 _MAX_AGES = 100_000
 """Largest number of ages of states between two reports."""
@@ -56,6 +139,7 @@ class ControllerHealth:
         self._ages: list[float] = []
         self._problems = self._skipped = self._computed = 0
         self._largest_error = 0.0
+        self._had_others = False
 
     def add_tick(self, controller: Controller) -> None:
         """Count a tick for which the controller has computed a torque."""
@@ -80,6 +164,7 @@ class ControllerHealth:
         rejected_messages: RejectedMessages,
         figures: Mapping[str, str],
         wrong_latency: str,
+        sources: str,
     ) -> Health:
         """
         Return the report and restart the counts.
@@ -98,15 +183,18 @@ class ControllerHealth:
             Further figures by name.
         wrong_latency
             Warning about a latency that differs from that of the efforts, '' without one.
+        sources
+            Inputs with more than one sender, '' without such.
 
         """
         supervisor, controller, counts = core.supervisor, core.controller, core.counts
-        silence = max(0.0, time.monotonic() - core.arrival)
+        has_state = core.arrival < math.inf
+        silence = max(0.0, time.monotonic() - core.arrival) if has_state else math.inf
         values = {
             'state': supervisor.text,
             **self._ticks.report(),
             'ticks': str(self._ticks.total),
-            'last state (s ago)': f'{silence:.3f}',
+            'last state (s ago)': f'{silence:.3f}' if has_state else 'none',
             'late states': str(counts.late),
             'repeated states': str(counts.repeated),
             'gaps in states': str(counts.gaps),
@@ -127,23 +215,34 @@ class ControllerHealth:
             values['age of answered states, mean (ms)'] = f'{1e3 * mean:.3f}'
             values['age of answered states, most (ms)'] = f'{1e3 * max(self._ages):.3f}'
             self._ages.clear()
+        if sources:
+            values['senders of inputs'] = sources
         own_name = node.get_fully_qualified_name()
-        has_others = False
+        others = ''
         for publisher in output.publishers:
             names = senders(node, publisher.topic_name)
             # Another node may have the same name: only one publisher is this node's.
             if own_name in names:
                 names.remove(own_name)
             if names:
-                has_others = True
+                others = ' and '.join(names)
                 values[f"others on {publisher.topic_name.rpartition('/')[2]}"] = ', '.join(names)
         problems = rejected_messages.total + counts.late + counts.gaps + self._ticks.overruns
         is_worse, self._problems = problems > self._problems, problems
         lateness = self._lateness(counts.skipped)
         if supervisor.state == FAULT:
             return Health(ERROR, supervisor.text, values)
-        if has_others:
+        if others:
+            if not self._had_others:
+                node.get_logger().warning(f'another node commands the robot too: {others}')
+            self._had_others = True
             return Health(WARN, 'another node commands the robot too', values)
+        self._had_others = False
+        if sources:
+            return Health(WARN, f'more than one sender: {sources}', values)
+        if supervisor.state == ACTIVE and silence > _SILENCE:
+            duration = f'for {silence:.1f} s' if has_state else 'so far'
+            return Health(WARN, f'no usable {core.missing_source()} {duration}', values)
         if supervisor.state == ACTIVE and outdated:
             return Health(WARN, outdated, values)
         if supervisor.state == ACTIVE and lateness:

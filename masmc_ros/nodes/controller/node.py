@@ -42,22 +42,31 @@ from masmc_ros.loop.preparation import Effect, LawChange, Preparation
 from masmc_ros.loop.safe_stop import HOLD, SafeStop
 from masmc_ros.loop.simulated_robot import stamp_age
 from masmc_ros.loop.timing import Timing
+from masmc_ros.messages.names import CONTROLLER_STATE_TOPIC, REFERENCE_TOPIC
 from masmc_ros.messages.parameter_record import record_of
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.nodes.controller.background import Background
-from masmc_ros.nodes.controller.command_output import BaseOutput, CommandOutput, TorqueOutput
 from masmc_ros.nodes.controller.effort_latency import EffortEcho
 from masmc_ros.nodes.controller.health import ControllerHealth
+from masmc_ros.nodes.controller.inputs import ReferenceInput, StateInput
 from masmc_ros.nodes.controller.lifecycle_services import LifecycleServices
-from masmc_ros.nodes.controller.reference_input import ReferenceInput
-from masmc_ros.nodes.controller.state_input import StateInput
-from masmc_ros.nodes.controller.telemetry_output import ControllerTelemetry
+from masmc_ros.nodes.controller.output import (
+    BaseOutput,
+    CommandOutput,
+    ControllerTelemetry,
+    TorqueOutput,
+)
 from masmc_ros.nodes.middleware.past import subscribe_with_past
 from masmc_ros.nodes.parameters.ros_parameters import Pending
 from masmc_ros.nodes.process.base import SuiteNode
 from masmc_ros.nodes.process.command_line import CommandLine
-from masmc_ros.nodes.process.diagnostics import Health, publish_health
-from masmc_ros.nodes.process.rejected_messages import RejectedMessages
+from masmc_ros.nodes.process.diagnostics import (
+    Health,
+    publish_health,
+    RejectedMessages,
+    senders_text,
+    several_senders,
+)
 from masmc_ros.nodes.process.runtime import run
 from masmc_ros.params.declaration import MutableValues, Values
 from masmc_ros.params.text import yaml_text
@@ -129,8 +138,11 @@ class ControllerNode(SuiteNode):
         }
         self._compile()
         self._preparation = Preparation(controller.mechanism)
+        for note in controller.mechanism.notes:
+            self.log.warning(note)
         self._law_change = LawChange(controller, self._preparation)
         self._has_plant_parameters = False
+        self._senders = ''
 
     def connect(self) -> None:
         """Create the publishers, services, timers and subscriptions."""
@@ -142,7 +154,7 @@ class ControllerNode(SuiteNode):
         )
         if self._payload is not None:
             self._payload.connect(node, self.steady, self.stream)
-        self._state = self.latched(String, 'controller/state')
+        self._state = self.latched(String, CONTROLLER_STATE_TOPIC)
         node.create_service(SetBool, '~/enable', self._on_enable)
         node.create_service(SetBool, '~/hand_guide', self._on_guide)
         node.create_service(Trigger, '~/emergency_stop', self._on_stop)
@@ -177,6 +189,7 @@ class ControllerNode(SuiteNode):
             self._rejected_messages,
             self._on_state,
             lambda: self._perform(core.on_jump(time.monotonic())),
+            self._on_mixed_states,
         )
         self._echo.watch(self._states.effort)
         core.missing_source = lambda: self._states.missing
@@ -250,7 +263,18 @@ class ControllerNode(SuiteNode):
             self._rejected_messages,
             figures=figures,
             wrong_latency=self._echo.warning(),
+            sources=self._sources(),
         )
+
+    def _sources(self) -> str:
+        """Return the inputs with more than one sender; log them when they change."""
+        named = several_senders(self.node, [REFERENCE_TOPIC])
+        text = '; '.join(filter(None, (self._states.check_sources(), senders_text(named))))
+        if text != self._senders:
+            self._senders = text
+            if text:
+                self.log.warning(f'more than one sender: {text}')
+        return text
 
     # Events.
 
@@ -258,6 +282,11 @@ class ControllerNode(SuiteNode):
         self, stamp: int, position: NDArray[np.float64], velocity: NDArray[np.float64]
     ) -> None:
         self._perform(self._core.on_state(stamp, position, velocity, time.monotonic()))
+
+    def _on_mixed_states(self, senders: str) -> bool:
+        actions = self._core.on_mixed_states(senders, time.monotonic())
+        self._perform(actions or NOTHING)
+        return actions is not None
 
     def _on_reference(self, window: ReferenceWindow) -> None:
         self._perform(self._core.on_reference(window, time.monotonic()))

@@ -31,16 +31,16 @@ from masmc_ros.messages.topics import (
     TOPICS,
     TRANSFORMS,
 )
-from masmc_ros.nodes.live.sampling import Samples
 from masmc_ros.nodes.live.server import LiveServer
 from masmc_ros.nodes.live.state_transforms import StateTransforms
-from masmc_ros.nodes.live.viewer_parameters import LiveParameters
 from masmc_ros.nodes.middleware.messages import message_class
-from masmc_ros.nodes.middleware.past import subscribe_with_past
-from masmc_ros.nodes.middleware.qos import DEEP, subscription_qos
+from masmc_ros.nodes.middleware.past import subscribe, subscribe_with_past
+from masmc_ros.nodes.middleware.qos import DEEP
+from masmc_ros.nodes.middleware.sampling import Sampler
+from masmc_ros.nodes.parameters.viewer_parameters import ViewerParameters
 from masmc_ros.nodes.process.base import SuiteNode
 from masmc_ros.nodes.process.command_line import CommandLine
-from masmc_ros.nodes.process.rejected_messages import RejectedMessages
+from masmc_ros.nodes.process.diagnostics import RejectedMessages
 from masmc_ros.nodes.process.runtime import run
 from masmc_ros.params.declaration import check_all
 from masmc_ros.params.node_parameters import declared
@@ -94,7 +94,7 @@ class LiveNode(SuiteNode):
                 throttle.is_due('viewers', time.monotonic()) and self.log.warning(text)
             ),
         )
-        self._samples = Samples(self.node)
+        self._samples = Sampler(self.node)
         self._stamps: dict[str, StampReader] = {}
         self._transforms: StateTransforms | None = None
         self._latest = 0
@@ -107,7 +107,7 @@ class LiveNode(SuiteNode):
         super().connect()
         port = self._server.start(self.values['host'], self.values['port'])
         self._is_served = True
-        self._parameters = LiveParameters(self.node, self._server, self.log.error)
+        self._parameters = ViewerParameters(self.node, self._server, self.log.error)
         self._states = self.node.resolve_topic_name(STATE_TOPIC)
         for topic in (*TOPICS, *SYSTEM_TOPICS):
             if topic.turns_up:
@@ -174,14 +174,14 @@ class LiveNode(SuiteNode):
         if topic.is_latched:
             subscribe_with_past(self.node, message_type, topic.name, on_message, DEEP)
         else:
-            qos = subscription_qos(depth=DEEP)
-            self.node.create_subscription(message_type, topic.name, on_message, qos, raw=True)
+            subscribe(self.node, message_type, topic.name, on_message, DEEP)
 
     def _on_description(self, raw: bytes) -> None:
         self._server.meshes = mesh_files(text_of(raw))
 
     def _on_parameters(self, name: str, raw: bytes) -> None:
-        values = self._parameters.on_record(self.node.resolve_service_name(name), raw)
+        full_name = self.node.resolve_service_name(name)
+        values = self._parameters.on_record(full_name, raw).parameters
         if name == 'plant' and 'tf_decimation' in values:
             declarations = declared(name, mechanism_from(values))
             known = {p.name: values[p.name] for p in declarations if p.name in values}

@@ -12,16 +12,15 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-import math
+from dataclasses import dataclass
 from pathlib import Path
 import queue
-import threading
 from typing import Any, TYPE_CHECKING
 
 from masmc_ros.errors import InputError, UserError
 from masmc_ros.messages.definitions import definition
-from masmc_ros.params.declaration import MutableValues, Values
+from masmc_ros.nodes.parameters.viewer_parameters import ParameterRequest
+from masmc_ros.params.declaration import Values
 
 if TYPE_CHECKING:
     from foxglove import Parameter
@@ -32,26 +31,6 @@ _BACKLOG = 4096
 
 _TOO_MANY = 'viewers'
 """Identifier of the status that there are too many viewers."""
-
-_PATIENCE = 5.0
-"""Longest time in s that a client waits for the response to a change."""
-
-
-@dataclass
-class Change:
-    """Request of a client to set parameters, by name; complete after `finish`."""
-
-    values: MutableValues
-    _finished: threading.Event = field(default_factory=threading.Event)
-
-    def finish(self) -> None:
-        """Signal to the client's thread that the current values are ready."""
-        self._finished.set()
-
-    def wait(self) -> None:
-        """Wait for the end, for a limited time."""
-        self._finished.wait(_PATIENCE)
-
 
 @dataclass(frozen=True)
 class _Subscription:
@@ -70,7 +49,7 @@ class _Unsubscription:
     client: int
 
 
-_Request = Change | _Subscription | _Unsubscription
+_Request = ParameterRequest | _Subscription | _Unsubscription
 
 
 class _Topic:
@@ -238,12 +217,12 @@ class LiveServer:
         """Remove the error of a parameter."""
         self._server.remove_status([name])
 
-    def requests(self) -> list[Change]:
+    def requests(self) -> list[ParameterRequest]:
         """Send past messages to new clients; return the requested changes of parameters."""
         changes = []
         while not self._requests.empty():
             request = self._requests.get()
-            if isinstance(request, Change):
+            if isinstance(request, ParameterRequest):
                 changes.append(request)
             elif isinstance(request, _Subscription):
                 self._subscribe(request)
@@ -301,7 +280,7 @@ class LiveServer:
         """Disconnect all clients and stop the server."""
         while not self._requests.empty():
             request = self._requests.get()
-            if isinstance(request, Change):
+            if isinstance(request, ParameterRequest):
                 request.finish()
         if self._server is not None:
             self._server.stop()
@@ -335,7 +314,8 @@ class _Listener:
     def on_set_parameters(
         self, client: Client, parameters: list[Parameter], request_id: str | None = None
     ) -> list[Parameter]:
-        change = Change({parameter.name: parameter.get_value() for parameter in parameters})
+        values = {parameter.name: parameter.get_value() for parameter in parameters}
+        change = ParameterRequest(values)
         self._requests.put(change)
         change.wait()
         return self._parameters(list(change.values))
@@ -345,12 +325,3 @@ class _Listener:
 
     def on_parameters_unsubscribe(self, param_names: list[str]) -> None:
         pass
-
-
-def plain(value: Any) -> object:
-    """Return a parameter's value for the protocol: arrays as lists, infinity and NaN as text."""
-    if isinstance(value, float) and not math.isfinite(value):
-        return str(value)
-    if value is None or isinstance(value, bool | int | float | str):
-        return value
-    return [plain(element) for element in value]

@@ -2,12 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Subscriptions to past messages that also match publishers without any.
+Subscriptions to past messages that also match publishers without any, and best-effort ones.
 
 DDS does not match a transient-local subscription with a volatile publisher, not even for new
 messages (discussed in ros2/rclcpp pull request 2499). `DurabilityPolicy.BEST_AVAILABLE` of rclpy
 looks at the publishers once, when the subscription is created. This file can be removed when
 one subscription gets past messages from the publishers that have them, and new ones from all.
+
+A reliable subscription does not match a best-effort publisher, such as a driver with the profile
+of sensor data. A best-effort one matches all publishers, but loses messages. It is therefore
+created only when a best-effort publisher appears, and the reliable one with the past remains.
 """
 
 from __future__ import annotations
@@ -19,18 +23,58 @@ from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 
 
+def subscribe(
+    node: Node,
+    message_type: type,
+    topic: str,
+    callback: Callable[..., None],
+    depth: int = 1,
+    on_matched: Callable[[], object] | None = None,
+) -> None:
+    """
+    Subscribe raw to the new messages of all publishers of a topic.
+
+    When a best-effort publisher appears, a best-effort subscription replaces the reliable one.
+    The parameters are those of `subscribe_with_past`.
+    """
+    subscriptions: list[object] = []
+
+    def serve(*, best_effort: bool) -> None:
+        position = len(subscriptions)
+
+        def take(raw: bytes) -> None:
+            # The best-effort subscription receives the messages of all publishers.
+            if position == len(subscriptions) - 1:
+                callback(raw)
+
+        qos = subscription_qos(depth=depth, best_effort=best_effort)
+        events = None if best_effort else _events(serve_best_effort, on_matched)
+        subscriptions.append(
+            node.create_subscription(
+                message_type, topic, take, qos, raw=True, event_callbacks=events
+            )
+        )
+
+    def serve_best_effort(_: object) -> None:
+        if len(subscriptions) == 1:
+            serve(best_effort=True)
+
+    serve(best_effort=False)
+
+
 def subscribe_with_past(
     node: Node,
     message_type: type,
     topic: str,
     callback: Callable[..., None],
     depth: int = 1,
+    on_matched: Callable[[], object] | None = None,
 ) -> None:
     """
     Subscribe raw to a topic, with the past messages of its transient-local publishers.
 
-    When a volatile publisher appears, a second, volatile subscription serves it. A message that
-    arrives at both subscriptions is passed on once.
+    When a volatile publisher appears, a second subscription, that of `subscribe`, serves it. A
+    message that arrives at both is passed on once.
 
     Parameters
     ----------
@@ -44,13 +88,15 @@ def subscribe_with_past(
         Function that is called with the bytes of each message.
     depth
         Number of messages that wait for the callback; newer ones replace the oldest.
+    on_matched
+        Function that is called when a publisher appears or disappears.
 
     """
-    volatile: list[object] = []
+    has_second = False
     duplicates = _DuplicateFilter(callback, 2 * DEEP)
 
     def on_past(raw: bytes) -> None:
-        if volatile:
+        if has_second:
             duplicates.process(raw, duplicates.by_past, duplicates.by_volatile)
         else:
             callback(raw)
@@ -59,11 +105,10 @@ def subscribe_with_past(
         duplicates.process(raw, duplicates.by_volatile, duplicates.by_past)
 
     def serve_volatile(_: object) -> None:
-        if not volatile:
-            qos = subscription_qos(depth=depth)
-            volatile.append(
-                node.create_subscription(message_type, topic, on_volatile, qos, raw=True)
-            )
+        nonlocal has_second
+        if not has_second:
+            has_second = True
+            subscribe(node, message_type, topic, on_volatile, depth, on_matched)
 
     node.create_subscription(
         message_type,
@@ -71,9 +116,21 @@ def subscribe_with_past(
         on_past,
         subscription_qos(depth=depth, past=True),
         raw=True,
-        event_callbacks=SubscriptionEventCallbacks(
-            incompatible_qos=serve_volatile, use_default_callbacks=False
-        ),
+        event_callbacks=_events(serve_volatile, on_matched),
+    )
+
+
+def _events(
+    incompatible_qos: Callable[[object], None], on_matched: Callable[[], object] | None
+) -> SubscriptionEventCallbacks:
+    def on_match(_: object) -> None:
+        if on_matched is not None:
+            on_matched()
+
+    return SubscriptionEventCallbacks(
+        incompatible_qos=incompatible_qos,
+        matched=None if on_matched is None else on_match,
+        use_default_callbacks=False,
     )
 
 

@@ -16,6 +16,7 @@ from types import TracebackType
 from typing import Any
 
 from masmc_ros.errors import suggestion, UserError
+from masmc_ros.nodes.middleware.log_folder import prepare_log_folder
 from masmc_ros.nodes.middleware.transport import prepare_transport
 from masmc_ros.nodes.parameters.service_call import ServiceCall
 from rcl_interfaces.msg import ParameterValue, SetParametersResult
@@ -39,6 +40,7 @@ class ParameterSession:
         """Create the node; `patience` is the longest time in s of each call."""
         self._patience = patience
         prepare_transport()
+        prepare_log_folder()
         self._context = Context()
         self._clients: dict[str, AsyncParameterClient] = {}
         self._context.init([])

@@ -15,7 +15,7 @@ from masmc_ros.law.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CM
 from masmc_ros.messages.names import ARM_VELOCITY_TOPIC, CMD_VEL_TOPIC, COMMAND_TOPIC
 from masmc_ros.nodes.middleware.past import subscribe_with_past
 from masmc_ros.nodes.plant.command_sources import base_sources, Source, torque_sources
-from masmc_ros.nodes.process.rejected_messages import RejectedMessages
+from masmc_ros.nodes.process.diagnostics import RejectedMessages
 from masmc_ros.params.declaration import Values
 from masmc_ros.plant.latest_command import CommandPart
 from masmc_ros.robot.joint_names import driven_joint_names

@@ -84,7 +84,9 @@ def base_sources(
     """
     places = [velocity.place for velocity in twist]
     others = joints[len(places):]
-    base = CommandPart(CMD_VEL_TOPIC, len(places), names_state=is_stamped)
+    base = CommandPart(
+        CMD_VEL_TOPIC, len(places), names_state=is_stamped, is_zero_unlabelled=is_stamped
+    )
     topic = COMMAND_TOPIC if is_hybrid else ARM_VELOCITY_TOPIC
     joints_part = CommandPart(topic, len(others), is_required=is_hybrid)
     reader = EffortCdr(others) if is_hybrid else ArmVelocityCdr(others)

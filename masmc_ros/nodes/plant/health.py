@@ -9,8 +9,7 @@ from collections.abc import Sequence
 from itertools import chain
 import time
 
-from masmc_ros.nodes.process.diagnostics import ERROR, Health, OK, senders, WARN
-from masmc_ros.nodes.process.rejected_messages import RejectedMessages
+from masmc_ros.nodes.process.diagnostics import ERROR, Health, OK, RejectedMessages, senders, WARN
 from masmc_ros.plant.lateness import Lateness
 from rclpy.node import Node
 
@@ -27,6 +26,7 @@ class PlantHealth:
         self._since = time.monotonic()
         self._tick = 0
         self._problems = 0
+        self._had_several = False
 
     def report(
         self,
@@ -89,10 +89,14 @@ class PlantHealth:
             return Health(ERROR, state, values)
         all_senders = [senders(node, topic) for topic in topics]
         if any(len(names) > 1 for names in all_senders):
-            values['senders of commands'] = ', '.join(
+            values['senders of commands'] = text = ', '.join(
                 chain.from_iterable(names for names in all_senders if len(names) > 1)
             )
+            if not self._had_several:
+                node.get_logger().warning(f'more than one node commands the robot: {text}')
+            self._had_several = True
             return Health(WARN, 'more than one node commands the robot', values)
+        self._had_several = False
         if lateness:
             return Health(WARN, lateness, values)
         if is_worse:

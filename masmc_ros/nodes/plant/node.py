@@ -15,30 +15,31 @@ from diagnostic_msgs.msg import DiagnosticArray
 from masmc_ros.aliases import Array
 from masmc_ros.control.actions import Failure, Line, Record, Wait
 from masmc_ros.errors import InputError
-from masmc_ros.loop.simulated_robot import plant_of
+from masmc_ros.loop.simulated_robot import plant_of, PUSH
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.nodes.middleware.qos import subscription_qos
+from masmc_ros.nodes.parameters.ros_parameters import Pending
 from masmc_ros.nodes.plant.command_input import CommandInput
 from masmc_ros.nodes.plant.health import PlantHealth
 from masmc_ros.nodes.plant.state_output import StateOutput
 from masmc_ros.nodes.process.base import SuiteNode
 from masmc_ros.nodes.process.command_line import CommandLine
-from masmc_ros.nodes.process.diagnostics import Health, publish_health
-from masmc_ros.nodes.process.rejected_messages import RejectedMessages
+from masmc_ros.nodes.process.diagnostics import Health, publish_health, RejectedMessages
 from masmc_ros.nodes.process.runtime import run
-from masmc_ros.params.declaration import Values
+from masmc_ros.params.declaration import MutableValues, Values
 from masmc_ros.plant.latest_command import CommandPart, Commands
 from masmc_ros.plant.lockstep import LockStep
 from masmc_ros.plant.plant_core import (
     Actions,
     AwaitCommand,
     Done,
+    EndPush,
     PlantCore,
     Publish,
     PublishAgain,
 )
-from masmc_ros.plant.real_time import RealTime
+from masmc_ros.plant.real_time import REAL_TIME_FACTOR, RealTime
 from rclpy.context import Context
 from rclpy.timer import Timer
 from rclpy.topic_endpoint_info import TopicEndpointInfo
@@ -72,6 +73,7 @@ class PlantNode(SuiteNode):
             # All lines are warnings: rclpy identifies a log line by its position.
             Line: lambda action: self.log.warning(action.text),
             Failure: lambda action: self.fail(action.error),
+            EndPush: self._end_push,
             Done: self._finish,
         }
 
@@ -102,6 +104,7 @@ class PlantNode(SuiteNode):
             self.steady,
             self._report_health,
         )
+        self.parameters.on_request(self._decide)
         self.parameters.on_change(self._on_parameters)
 
     # Start.
@@ -163,14 +166,28 @@ class PlantNode(SuiteNode):
         while core.is_due:
             self._perform(core.on_due(now))
 
+    def _decide(self, requested: MutableValues) -> Pending:
+        """Use requested parameters from the current state on, unless the robot cannot."""
+        try:
+            self._robot.check_change({**self.values, **requested})
+        except InputError as error:
+            return Pending(str(error), tuple(requested))
+        self.parameters.take_effect(requested)
+        return Pending()
+
+    def _end_push(self, _: EndPush) -> None:
+        self.parameters.take_effect({PUSH: (0.0,) * len(self.values[PUSH])})
+        # The services return 0 as well.
+        self.parameters.withdraw([PUSH])
+
     def _on_parameters(self, changed: Values) -> None:
         core = self._core
-        self._perform(core.on_parameters(time.monotonic()))
+        self._perform(core.on_parameters(changed, time.monotonic()))
         record = Record(0, 0, self.values)
         if core.has_started:
             record = Record(core.robot.tick, core.stamp, self.values, tuple(changed))
         self.record_parameters(record)
-        if self._timer is not None:
+        if self._timer is not None and REAL_TIME_FACTOR in changed:
             self._start_timer()
 
     def _on_recorded(self, raw: bytes) -> None:

@@ -12,10 +12,11 @@ survives an array of the next one. A block for the node in a file replaces an un
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from masmc_ros.errors import InputError
 from masmc_ros.params.file import ParameterFile, parse_value, read
+from masmc_ros.params.node_parameters import with_posture
 from masmc_ros.params.precedence import node_values, NodeValues
 from masmc_ros.params.values import FileValue
 
@@ -39,6 +40,10 @@ class CommandLine:
 
     def for_node(self, node: str, namespace: str = '/') -> NodeValues:
         """Return the values for a node; the last setting of a name replaces the others."""
+        own, plant = self._stated(node, namespace), self._stated('plant', namespace)
+        return replace(own, values=with_posture(own.values, plant.values))
+
+    def _stated(self, node: str, namespace: str) -> NodeValues:
         settings = {s.name: s.value for s in self.settings if s.node in ('', node)}
         return node_values(self.files, settings, node, namespace)
 

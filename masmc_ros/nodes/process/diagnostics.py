@@ -1,17 +1,56 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reports of a node on /diagnostics, once a second, for rqt_robot_monitor and Foxglove."""
+"""Reports of a node on /diagnostics, and counts of rejected messages."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+import time
 from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from masmc_ros.nodes.middleware.latched import Latched
+from masmc_ros.throttle import Throttle
 from rclpy.clock import Clock
+from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
+
+
+class RejectedMessages:
+    """
+    Count and log of messages that a node rejects or cannot read.
+
+    Attributes
+    ----------
+    counts
+        Number of rejected messages by topic.
+
+    """
+
+    def __init__(self, log: RcutilsLogger, effect: str = 'rejected') -> None:
+        """Initialise with the node's logger and the effect on such a message, for the log."""
+        self._log = log
+        self._effect = effect
+        self._throttle = Throttle(period=1.0)
+        self.counts: Counter[str] = Counter()
+
+    @property
+    def total(self) -> int:
+        """Return the number of rejected messages of all topics."""
+        return sum(self.counts.values())
+
+    def figures(self) -> dict[str, str]:
+        """Return the counts by topic for /diagnostics."""
+        return {f'{topic} rejected': str(count) for topic, count in self.counts.items()}
+
+    def add(self, topic: str, reason: object) -> None:
+        """Count a message of a topic; log the reason unless the last line is less than 1 s old."""
+        self.counts[topic] += 1
+        if self._throttle.is_due(topic, time.monotonic()):
+            self._log.error(f'{topic} {self._effect}: {reason}')
+
 
 PERIOD = 1.0
 """Time in s between two reports."""
@@ -35,6 +74,17 @@ def senders(node: Node, topic: str) -> list[str]:
         f'{publisher.node_namespace.rstrip("/")}/{publisher.node_name}'
         for publisher in node.get_publishers_info_by_topic(topic)
     ]
+
+
+def several_senders(node: Node, topics: Sequence[str]) -> dict[str, list[str]]:
+    """Return the senders of those relative topics that have more than one publisher."""
+    named = {topic: senders(node, node.resolve_topic_name(topic)) for topic in topics}
+    return {topic: names for topic, names in named.items() if len(names) > 1}
+
+
+def senders_text(named: Mapping[str, Sequence[str]]) -> str:
+    """Return topics with their senders in one line."""
+    return '; '.join(f'{topic} from {" and ".join(names)}' for topic, names in named.items())
 
 
 def publish_health(

@@ -19,6 +19,7 @@ from types import FrameType
 from typing import Protocol
 
 from masmc_ros.errors import InputError, UserError
+from masmc_ros.nodes.middleware.log_folder import prepare_log_folder
 from masmc_ros.nodes.middleware.logging import prepare_logging
 from masmc_ros.nodes.middleware.transport import prepare_transport
 from masmc_ros.nodes.process.command_line import parse
@@ -74,6 +75,7 @@ def _run(factories: Sequence[Factory], arguments: list[str]) -> int:
     stop = StopSignals()
     context = Context()
     prepare_transport()
+    prepare_log_folder()
     # rcl would log errors of the arguments in addition to the line below.
     set_logger_level('rcl', LoggingSeverity.FATAL)
     try:
@@ -81,7 +83,7 @@ def _run(factories: Sequence[Factory], arguments: list[str]) -> int:
             args=arguments, context=context, signal_handler_options=SignalHandlerOptions.NO
         )
     except Exception as error:
-        raise InputError(f'--ros-args: {one_line(error)}') from error
+        raise InputError(f'--ros-args: {without_source(error)}') from error
     if get_logger_level('rcl') == LoggingSeverity.FATAL:
         set_logger_level('rcl', LoggingSeverity.UNSET)
     executor = EventsExecutor(context=context)
@@ -169,7 +171,7 @@ class StopSignals:
             self._complete()
 
 
-def one_line(error: BaseException) -> str:
+def without_source(error: BaseException) -> str:
     """Return an error as one line, without the position in rcl's sources."""
     text = ' '.join(str(error).split())
     return text.split(', at ./src')[0].split(', at /')[0]

@@ -12,7 +12,7 @@ from typing import Protocol
 from masmc_ros.errors import InputError
 from masmc_ros.messages.definitions import Definition, definition
 from masmc_ros.nodes.middleware.type_description import DefinitionRequest
-from masmc_ros.nodes.process.runtime import one_line
+from masmc_ros.nodes.process.runtime import without_source
 from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
@@ -127,7 +127,7 @@ def _resolved(node: Node, name: str) -> str:
     try:
         return node.resolve_topic_name(name)
     except RuntimeError as error:
-        reason = one_line(error).removeprefix('failed to resolve name: ')
+        reason = without_source(error).removeprefix('failed to resolve name: ')
         raise InputError(
             f'extra_topics = {name}: {reason}; expected names such as scan or /camera/image_raw'
         ) from error

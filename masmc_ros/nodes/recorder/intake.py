@@ -1,12 +1,18 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Messages with their log times, before they are passed to the writing thread."""
+"""Reception of messages: those of the robot, their log times, and the last ones of a run."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+import time
+
 from masmc_ros.log.mcap.chunks import Message
 from masmc_ros.log.write.recording import Recording
+from masmc_ros.messages.topics import TRANSFORMS, transforms_topic
+from masmc_ros.messages.transforms import first_frames, first_names, is_of_robot
+from rclpy.node import Node
 
 _TOGETHER = 256
 """Number of messages that are passed to the writing thread together."""
@@ -83,3 +89,67 @@ class Intake:
         self._taken += [(channel, stamp, raw) for channel, raw in self._early]
         self._early.clear()
         self._early_size = 0
+
+
+class OwnFrames:
+    """Frames of the robot, which have its prefix."""
+
+    def __init__(self, node: Node, prefix: str) -> None:
+        """Initialise the frames for a node in the robot's namespace and the prefix of names."""
+        self._node, self._log = node, node.get_logger()
+        self._prefix = prefix
+        self._names = first_names(prefix)
+
+    @property
+    def topic(self) -> str:
+        """Return the full name of their topic."""
+        return transforms_topic(self._node.get_namespace(), self._prefix)
+
+    def are_in(self, raw: bytes) -> bool:
+        """Return True if a TFMessage is from this robot; log the first one that is not."""
+        if raw.startswith(*self._names) or is_of_robot(raw, self._prefix):
+            return True
+        parent, child = first_frames(raw)
+        self._log.info(
+            f'{TRANSFORMS.name}: frames of others, such as {parent} to {child}, are not recorded',
+            once=True,
+        )
+        return False
+
+    def go_by(self, prefix: object) -> None:
+        """Use the prefix of the plant."""
+        if not isinstance(prefix, str) or prefix == self._prefix:
+            return
+        recorded = self.topic
+        self._prefix, self._names = prefix, first_names(prefix)
+        if recorded != self.topic:
+            self._log.warning(
+                f'the plant sends its frames on {self.topic} (frame_prefix {prefix!r}), and what '
+                f'is recorded is {recorded}; give the recorder the same frame_prefix'
+            )
+
+
+_QUIET = 0.3
+"""Time in s without a message after which all messages have arrived."""
+
+_AT_ONCE = 0.1
+"""Maximum time in s of one call that counts as quiet."""
+
+_LONGEST = 10.0
+"""Maximum time in s of the reception."""
+
+
+def take_rest(spin: Callable[[], None], last_arrival: Callable[[], float]) -> None:
+    """
+    Spin until it has been quiet for 0.3 s, for 10 s at most.
+
+    `spin` handles received messages within 0.1 s; `last_arrival` returns the time of the last one.
+    Only the time in `spin` counts, because a delayed process receives nothing.
+    """
+    limit = time.monotonic() + _LONGEST
+    quiet = 0.0
+    while quiet < _QUIET and (start := time.monotonic()) < limit:
+        latest = last_arrival()
+        spin()
+        listened = min(time.monotonic() - start, _AT_ONCE)
+        quiet = quiet + listened if last_arrival() == latest else 0.0

@@ -26,6 +26,7 @@ from masmc_ros.messages.names import (
     ARM_VELOCITY_TOPIC,
     CMD_VEL_TOPIC,
     COMMAND_TOPIC,
+    CONTROLLER_STATE_TOPIC,
     DESCRIPTION_TOPIC,
     REFERENCE_TOPIC,
     STATE_TOPIC,
@@ -42,22 +43,17 @@ from masmc_ros.messages.topics import (
     TOPICS,
     TRANSFORMS,
 )
-from masmc_ros.nodes.middleware.past import subscribe_with_past
+from masmc_ros.nodes.middleware.past import subscribe, subscribe_with_past
 from masmc_ros.nodes.middleware.qos import DEEP, subscription_qos
 from masmc_ros.nodes.middleware.raw_types import raw_class
 from masmc_ros.nodes.process.base import SuiteNode
 from masmc_ros.nodes.process.command_line import CommandLine
-from masmc_ros.nodes.process.diagnostics import publish_health
-from masmc_ros.nodes.process.rejected_messages import RejectedMessages
+from masmc_ros.nodes.process.diagnostics import publish_health, RejectedMessages
 from masmc_ros.nodes.process.runtime import run
-from masmc_ros.nodes.recorder.attachments import Attachments
-from masmc_ros.nodes.recorder.disk_watch import DiskWatch
 from masmc_ros.nodes.recorder.extra_topics import ExtraTopics
 from masmc_ros.nodes.recorder.health import RecorderHealth
-from masmc_ros.nodes.recorder.intake import Intake
-from masmc_ros.nodes.recorder.listening import take_rest
-from masmc_ros.nodes.recorder.output import MEGABYTE, open_recording
-from masmc_ros.nodes.recorder.own_frames import OwnFrames
+from masmc_ros.nodes.recorder.intake import Intake, OwnFrames, take_rest
+from masmc_ros.nodes.recorder.output import Attachments, DiskWatch, MEGABYTE, open_recording
 from masmc_ros.nodes.recorder.progress import Progress
 from rclpy.context import Context
 
@@ -238,7 +234,7 @@ class RecorderNode(SuiteNode):
             COMMAND_TOPIC: self._on_command,
             ARM_VELOCITY_TOPIC: self._on_command,
             DESCRIPTION_TOPIC: self._on_description,
-            'controller/state': self._on_controller_state,
+            CONTROLLER_STATE_TOPIC: self._on_controller_state,
             **{name: partial(self._on_tick, name) for name in _WITH_TICKS},
             **{parameters_topic(n): partial(self._on_parameters, n) for n in PARAMETER_NODES},
         }
@@ -259,11 +255,13 @@ class RecorderNode(SuiteNode):
                 self._not_understood.add(resolved, error)
             self._intake.keep(channel, stamp, raw)
 
-        if is_latched and not best_effort:
+        if best_effort:
+            qos = subscription_qos(depth=_QUEUE, past=is_latched, best_effort=True)
+            self.node.create_subscription(message_type, topic, take, qos, raw=True)
+        elif is_latched:
             subscribe_with_past(self.node, message_type, topic, take, _QUEUE)
         else:
-            qos = subscription_qos(depth=_QUEUE, past=is_latched, best_effort=best_effort)
-            self.node.create_subscription(message_type, topic, take, qos, raw=True)
+            subscribe(self.node, message_type, topic, take, _QUEUE)
 
     def _on_state(self, raw: bytes, stamp: int | None) -> None:
         if stamp is None:

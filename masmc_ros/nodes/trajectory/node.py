@@ -6,31 +6,42 @@
 from __future__ import annotations
 
 import sys
+import time
 
+from diagnostic_msgs.msg import DiagnosticArray
+from masmc_ros.aliases import Array
+from masmc_ros.control.actions import Record
 from masmc_ros.control.supervisor import would_follow
-from masmc_ros.errors import InputError
+from masmc_ros.errors import InputError, UserError
 from masmc_ros.log.traced_paths import DesiredPath
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.cdr_layout import checked_stamp
-from masmc_ros.messages.names import DESIRED_PATH_TOPIC
+from masmc_ros.messages.names import CONTROLLER_STATE_TOPIC, DESIRED_PATH_TOPIC
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.nodes.middleware.messages import deserialized
 from masmc_ros.nodes.middleware.past import subscribe_with_past
+from masmc_ros.nodes.parameters.ros_parameters import Pending
 from masmc_ros.nodes.process.base import SuiteNode
 from masmc_ros.nodes.process.command_line import CommandLine
-from masmc_ros.nodes.process.rejected_messages import RejectedMessages
+from masmc_ros.nodes.process.diagnostics import Health, publish_health, RejectedMessages
 from masmc_ros.nodes.process.runtime import run
-from masmc_ros.reference.trajectory import Trajectory
+from masmc_ros.nodes.trajectory.path_input import PathInput
+from masmc_ros.nodes.trajectory.path_messages import PathRequest
+from masmc_ros.nodes.trajectory.received_paths import ReceivedPaths
+from masmc_ros.params.declaration import MutableValues
+from masmc_ros.reference.sampled_trajectory import PATH_RECEIVED
+from masmc_ros.reference.trajectory import path_values, Trajectory
 from masmc_ros.robot.joint_names import check_frame_prefix
 from masmc_ros.robot.robot import robot_of
+from masmc_ros.throttle import Throttle
 from nav_msgs.msg import Odometry, Path
 from rclpy.context import Context
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 
 _CHECKED_AHEAD = 60.0
-"""Length of an endless path in s that is checked at the start."""
+"""Length in s of an endless path, or of one of changed parameters, that is checked at first."""
 
 _MOST_AHEAD = 500
 """Largest number of windows ahead; a controller stores 1000."""
@@ -49,10 +60,12 @@ class TrajectoryNode(SuiteNode):
         super().__init__(context=context, command_line=command_line)
         self._timing = Timing.from_values(self.values)
         period = self._timing.period
-        robot = robot_of(self.values)
+        self._robot = robot = robot_of(self.values)
         self._trajectory = Trajectory(self.values, period, robot)
-        prefix = check_frame_prefix(self.values['frame_prefix'])
-        self._path = DesiredPath(self._timing, robot, prefix)
+        self._prefix = check_frame_prefix(self.values['frame_prefix'])
+        self._path = DesiredPath(self._timing, robot, self._prefix)
+        self._mechanism = robot.mechanism
+        self._received = ReceivedPaths(self._trajectory, robot, self._timing, self.values)
         self._window = max(2, round(self.values['window'] / period))
         self._horizon = max(self._window, round(self.values['horizon'] / period))
         if self._horizon > _MOST_AHEAD * self._window:
@@ -67,11 +80,14 @@ class TrajectoryNode(SuiteNode):
         start = self.values['start_time']
         self._origin = round(1e9 * start) if start >= 0.0 else None
         self._is_relative = self._origin is None
+        self._throttle = Throttle(period=1.0)
         self._was_before = False
         self._is_activated = False
         self._last_tick: int | None = None
         self._rejected_messages = RejectedMessages(self.log)
+        self._requested: MutableValues = {}
         self._check_reach()
+        self.parameters.on_request(self._request)
 
     def connect(self) -> None:
         """Publish the first windows, and subscribe to the robot's time."""
@@ -80,9 +96,15 @@ class TrajectoryNode(SuiteNode):
         depth = 4 + 2 * (self._horizon // self._window)
         self._publisher = self.publisher(Float64MultiArray, 'reference', depth)
         self._paths = self.latched(Path, DESIRED_PATH_TOPIC)
+        self._input = PathInput(
+            self, self._mechanism, self._prefix, self._on_path, self._on_state
+        )
+        publish_health(
+            self.node, self.latched(DiagnosticArray, '/diagnostics'), self.steady, self._health
+        )
         if self._origin is None:
             subscribe_with_past(
-                self.node, String, 'controller/state', self._on_controller_state, depth=10
+                self.node, String, CONTROLLER_STATE_TOPIC, self._on_controller_state, depth=10
             )
             subscribe_with_past(self.node, JointState, 'joint_states', self._follow)
             self.wait('the controller to become active (controller/state)')
@@ -110,7 +132,7 @@ class TrajectoryNode(SuiteNode):
         try:
             self._is_activated |= would_follow(deserialized(raw, String).data)
         except InputError as error:
-            self._rejected_messages.add('controller/state', error)
+            self._rejected_messages.add(CONTROLLER_STATE_TOPIC, error)
         if self._is_activated and self._origin is None:
             self.wait('a state of the robot (joint_states)')
 
@@ -135,12 +157,19 @@ class TrajectoryNode(SuiteNode):
             if self._was_before:
                 return
             self.log.info("the robot's clock was set back; the path restarts")
+            self._received.reset()
+            self._withdraw_requested()
             self._set_origin(stamp)
             tick = self._next = 0
         self._was_before = False
         if max(tick, 0) + self._horizon + self._window < self._next:
-            self.log.info('the robot was set back; the reference follows')
+            # The stamps of two robots may alternate many times in a second.
+            if self._throttle.is_due('set back', time.monotonic()):
+                self.log.info('the robot was set back; the reference follows')
             self._next = max(0, tick)
+            if self._received.reset_before(self._next):
+                self._withdraw_requested()
+                self.log.info('it is before the path of a message, which is dropped')
         elif tick > self._next:
             # Past windows are skipped: after a pause, a restart or a step of the clock the
             # reference continues at the current time.
@@ -165,21 +194,107 @@ class TrajectoryNode(SuiteNode):
         return origin
 
     def _send_until(self, tick: int, current_stamp: int) -> None:
-        last = self._timing.last
+        last, unsendable = self._timing.last, self._received.unsendable
+        if unsendable is not None:
+            last = unsendable - 1 if last is None else min(last, unsendable - 1)
         while self._next <= (tick if last is None else min(tick, last)):
             count = self._window if last is None else min(self._window, last + 1 - self._next)
             try:
-                samples = self._trajectory.sample(self._next, count)
+                samples = self._received.sample(self._next, count)
             except InputError as error:
                 self.log.error(f'{error}; the reference ends there', once=True)
                 return
             start = self._timing.stamp(self._next) + (self._origin or 0)
             window = ReferenceWindow(start, self._timing.period, samples)
             self._publisher.publish(window.to_bytes())
-            piece = self._path.piece(current_stamp, start, samples) if last is None else None
+            is_piece = self._timing.last is None or self._received.followed is not None
+            piece = self._path.piece(current_stamp, start, samples) if is_piece else None
             if piece is not None:
                 self._paths.publish(piece)
             self._next += count
+
+    def _on_path(self, request: PathRequest) -> None:
+        """Let a path of a message wait for the state at which it starts; may raise InputError."""
+        if self._origin is None:
+            raise InputError(
+                'the controller is not active yet, so time has no origin; expected the path later'
+            )
+        self._received.wait(
+            request, unsent=self._next, tick=self._last_tick or 0, origin_ns=self._origin
+        )
+        if not isinstance(request.points, Trajectory):
+            # The path of the message has replaced that of the parameters, which waits.
+            self._withdraw_requested()
+
+    def _request(self, values: MutableValues) -> Pending:
+        """
+        Let the trajectory of changed parameters wait for its start, as a path of a message does.
+
+        Parameters of other types take effect at once.
+        """
+        new = {**self.values, **self._requested, **values}
+        if path_values(new) == path_values(self.values):
+            self.parameters.take_effect(values)
+            return Pending()
+        try:
+            trajectory = Trajectory(new, self._timing.period, self._robot)
+            ticks = round(_CHECKED_AHEAD / self._timing.period)
+            if self._timing.last is not None:
+                ticks = min(ticks, self._timing.last - (self._last_tick or 0))
+            trajectory.sample(0, ticks + 1)
+            self._on_path(PathRequest('type', trajectory, None))
+        except UserError as error:
+            return Pending(str(error), tuple(values))
+        self._requested.update(values)
+        self._input.follow_states()
+        return Pending(f'the trajectory {trajectory.kind} starts at the next state of the robot')
+
+    def _take_requested(self) -> MutableValues:
+        """Return the parameters that wait for the start of their trajectory; none wait then."""
+        requested, self._requested = self._requested, {}
+        return requested
+
+    def _withdraw_requested(self) -> None:
+        """Reset parameters whose trajectory does not start."""
+        self.parameters.withdraw(self._take_requested())
+
+    def _on_state(self, stamp: int, position: Array) -> None:
+        """Start a path that waits for this state of the robot."""
+        request = self._received.waiting
+        if request is None or self._origin is None:
+            return
+        tick = round((stamp - self._origin) / (1e9 * self._timing.period))
+        before = self._received.followed
+        continues = before is not None and before.is_command and tick <= self._received.end
+        try:
+            first = self._received.start(tick, position)
+            if first is None:
+                return
+        except InputError as error:
+            self._input.reject(request.topic, error)
+            self._withdraw_requested()
+        else:
+            self._next = first
+            start = self._timing.stamp(first) + self._origin
+            self._input.accept()
+            changed = self._take_requested()
+            if changed:
+                self.parameters.take_effect(changed)
+                self.record_parameters(Record(first, start, self.values, tuple(changed)))
+            # Velocities arrive many times a second: one line and one record for all of them.
+            if not (continues and request.is_command):
+                self.log.info(f'{request.topic}: {request.text}, from t = {start * 1e-9:g} s on')
+                self.record_parameters(Record(first, start, self.values, event=PATH_RECEIVED))
+        # In lock-step the controller waits for these samples.
+        self._send_until(tick + self._horizon, stamp)
+
+    def _health(self) -> Health:
+        text = f'type {self.values["type"]}'
+        followed = self._received.followed
+        if followed is not None and not isinstance(followed.points, Trajectory):
+            is_moving = (self._last_tick or 0) <= self._received.end
+            text = 'a path of a message' if is_moving else 'the end of a path of a message'
+        return self._input.health(text)
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -42,7 +42,7 @@ def error_figure(
     # Letters for the axes of a path, numbers for joints.
     axis_names = [str(1 + i) for i in range(point.size)]
     if point.is_place:
-        axis_names = [f'{axis}<sub>{point.symbol}</sub>' for axis in 'xy']
+        axis_names = [f'{axis}<sub>{point.symbol}</sub>' for axis in 'xyz'[:point.size]]
     panel = error_panel(tracked, point, [f'<i>e<sub>{name}</sub></i>' for name in axis_names])
     for axes in (upper, lower):
         axes.axhline(0.0, color=GREY, linewidth=0.6)

@@ -9,32 +9,61 @@ from collections.abc import Iterator, Sequence
 
 from masmc_ros.log.read.reader import Run
 from masmc_ros.output_files import file_stem
+from masmc_ros.report.draw.adaptation_figure import adaptation_figure
 from masmc_ros.report.draw.comparison import comparison_figure
 from masmc_ros.report.draw.error import error_figure
 from masmc_ros.report.draw.path_figure import path_figure
-from masmc_ros.report.draw.style import paper_style, png
+from masmc_ros.report.draw.style import figure_file, paper_style
+from masmc_ros.report.measure.adaptation import adaptation
 from masmc_ros.report.measure.labels import law_of, log_name
 from masmc_ros.report.measure.metrics import Metrics
 from masmc_ros.report.measure.tracking import Compared
+from masmc_ros.report.panels import adaptation_panels
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.mechanisms import DEFAULT
 from matplotlib.figure import Figure
+
+_NUMBERED = 'figure_'
+"""Start of the names of the paper's figures."""
 
 PAPER_FIGURES = {'smc': 3, 'rasmc': 6}
 """Number of the first of the paper's three figures of each law, for its robot."""
 
 
+FEW = 6
+"""Maximum number of runs with figures of their own, unless all are requested."""
+
+
 def draw_figures(
-    compared: Sequence[Compared], reached: Sequence[Metrics]
+    compared: Sequence[Compared],
+    reached: Sequence[Metrics],
+    file_format: str = 'png',
+    *,
+    has_all: bool = True,
 ) -> Iterator[tuple[str, bytes]]:
     """
-    Yield file name and PNG of every figure: path and points of each run, then all runs in one.
+    Yield file name and content of every figure: path and points of each run, then of all runs.
 
-    Without positions in the log there is no figure of the path, without errors none of the points.
+    Without positions in the log there is no figure of the path, without errors none of the points,
+    without estimates none of the adaptation.
+
+    Parameters
+    ----------
+    compared, reached
+        Runs with their names, and their metrics.
+    file_format
+        One of `style.FORMATS`.
+    has_all
+        Whether every run has its figures; otherwise, of more than FEW runs only those with the
+        numbers of the paper's figures have them.
+
     """
     runs = [entry.run for entry in compared]
+    all_names = figure_names(runs, file_format)
     with paper_style():
-        for entry, metrics, names in zip(compared, reached, figure_names(runs), strict=True):
+        for entry, metrics, names in zip(compared, reached, all_names, strict=True):
+            if not (has_all or len(runs) <= FEW or names[0].startswith(_NUMBERED)):
+                continue
             label, run, tracked = entry
             figures: tuple[Figure | None, ...] = (
                 path_figure(run, tracked, label),
@@ -42,11 +71,18 @@ def draw_figures(
             )
             for name, figure in zip(names, figures, strict=True):
                 if figure is not None:
-                    yield name, png(figure)
-        yield 'comparison.png', png(comparison_figure(compared))
+                    yield name, figure_file(figure, file_format)
+        comparison = comparison_figure(compared)
+        yield f'comparison.{file_format}', figure_file(comparison, file_format)
+        adapted = adaptation_figure(
+            adaptation_panels([(entry.label, adaptation(entry.run)) for entry in compared]),
+            [entry.label for entry in compared]
+        )
+        if adapted is not None:
+            yield f'adaptation.{file_format}', figure_file(adapted, file_format)
 
 
-def figure_names(runs: Sequence[Run]) -> list[list[str]]:
+def figure_names(runs: Sequence[Run], file_format: str = 'png') -> list[list[str]]:
     """
     Return the file names of each run's figures, of its path and of each of its points.
 
@@ -56,7 +92,7 @@ def figure_names(runs: Sequence[Run]) -> list[list[str]]:
     numbers = dict(PAPER_FIGURES)
     # A log may have the name of one of the paper's figures.
     taken = {
-        f'figure_{n + i}_{law}'
+        f'{_NUMBERED}{n + i}_{law}'
         for law, n in PAPER_FIGURES.items()
         for i in range(len(_kinds(DEFAULT)))
     }
@@ -68,9 +104,12 @@ def figure_names(runs: Sequence[Run]) -> list[list[str]]:
         first = numbers.pop(law, None) if law is not None and is_paper else None
         if first is None:
             stem = file_stem(log_name(run), taken)
-            names.append([f'{stem}_{kind}.png' for kind in kinds])
+            names.append([f'{stem}_{kind}.{file_format}' for kind in kinds])
         else:
-            names.append([f'figure_{first + i}_{law}_{kind}.png' for i, kind in enumerate(kinds)])
+            names.append([
+                f'{_NUMBERED}{first + i}_{law}_{kind}.{file_format}'
+                for i, kind in enumerate(kinds)
+            ])
     return names
 
 

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from masmc_ros.aliases import Array
 from masmc_ros.log.read.reader import Run
 from masmc_ros.report.draw.robot_drawing import draw_robot
 from masmc_ros.report.draw.style import caption, draw_line, GREY, mathtext, new_figure, PAGE
@@ -13,8 +14,10 @@ from masmc_ros.report.measure.tracking import Tracking
 from masmc_ros.report.panels import INK, path_panel
 from masmc_ros.robot.robot import Robot
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 import numpy as np
+from numpy.typing import NDArray
 
 _INSTANTS = 6
 _FLATTEST, _STEEPEST = 0.2, 0.8
@@ -50,12 +53,42 @@ def path_figure(run: Run, tracked: Tracking, label: str) -> Figure | None:
         lines.append(draw_line(
             axes, line, linewidth=width, zorder=depth, marker=marker, markersize=3.5, markevery=[0]
         ))
-    axes.set_xlabel('$x$ (m)')
+    # The drawing is a top view; the error figures show all axes.
+    is_flat = all(point.size == 2 for point in run.mechanism.places)
+    axes.set_xlabel('$x$ (m)' if is_flat else '$x$ (m), top view without $z$')
     axes.set_ylabel(mathtext(panel.quantity))
     width, height = _fit(axes)
     figure.set_figheight(figure.get_figwidth() * (_SURROUND + height / width * _WIDTH) / PAGE)
     caption(figure, axes, label, lines)
     return figure
+
+
+def frame(robot: Robot, position: Array, desired: Array, actual: Array) -> NDArray[np.uint8]:
+    """
+    Return a picture (height, width, 3) of a robot in the plane with its paths, in RGB.
+
+    Parameters
+    ----------
+    robot
+        Robot.
+    position
+        Positions (positions) in the order of joint_states.
+    desired, actual
+        Task positions (n, axes) and (m, axes) of the desired path and of the path up to now.
+
+    """
+    figure = Figure(figsize=(6.4, 4.8), dpi=100)
+    canvas, axes = FigureCanvasAgg(figure), figure.subplots()
+    for point in robot.mechanism.places:
+        x, y = point.first, point.first + 1
+        axes.plot(desired[:, x], desired[:, y], '--', color=GREY, linewidth=1.0, zorder=1.2)
+        axes.plot(actual[:, x], actual[:, y], linewidth=1.5, zorder=2.5)
+    draw_robot(axes, robot.mechanism.formulas.outline(robot.geometry, position), opacity=1.0)
+    axes.set_xlabel('x (m)')
+    axes.set_ylabel('y (m)')
+    _fit(axes)
+    canvas.draw()
+    return np.array(canvas.buffer_rgba())[:, :, :3].copy()
 
 
 def _draw_instants(axes: Axes, robot: Robot, run: Run) -> None:

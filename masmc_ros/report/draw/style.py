@@ -40,7 +40,25 @@ SKY = '#56B4E9'
 GREY = '#8C8C8C'
 
 _TONES = dict(zip(COLOURS, (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK), strict=True))
-_DASHES = {'solid': '-', 'dash': '--', 'dot': ':', 'dashdot': '-.'}
+_DASHES: dict[str, Any] = {
+    'solid': '-',
+    'dash': (0, (5, 1.5)),
+    'dashdot': (0, (5, 1.2, 1.2, 1.2)),
+    'dot': (0, (1.2, 1.2)),
+    'longdash': (0, (10, 2)),
+    'longdashdot': (0, (10, 1.5, 1.5, 1.5)),
+}
+"""Lengths of dashes and gaps in widths of the line; the gaps are short, for oscillating lines."""
+
+FORMATS = 'png', 'pdf', 'svg'
+"""Formats of figures, which are the suffixes of their files."""
+
+_METADATA: dict[str, Any] = {
+    'png': {'Software': None},
+    'pdf': {'CreationDate': None},
+    'svg': {'Date': None},
+}
+"""Metadata by format, without times and versions."""
 
 _MILLIMETRES_PER_INCH = 25.4
 _GAP = 10.0
@@ -80,6 +98,8 @@ _STYLE: Any = {  # the type of its keys differs between versions of matplotlib
     'agg.path.chunksize': 10_000,
     'figure.constrained_layout.use': True,
     'savefig.facecolor': 'white',
+    'svg.hashsalt': 'masmc_ros',  # identifiers are random otherwise
+    'pdf.fonttype': 42,  # journals reject fonts of type 3
 }
 
 
@@ -101,21 +121,21 @@ def new_figure(width: float, height: float) -> Figure:
     return figure
 
 
-def png(figure: Figure) -> bytes:
-    """Return a figure as a PNG file, identical for identical figures."""
+def figure_file(figure: Figure, file_format: str = 'png') -> bytes:
+    """Return a figure as a file of one of FORMATS, identical for identical figures."""
     out = io.BytesIO()
-    figure.savefig(out, format='png', dpi=DPI, metadata={'Software': None})
+    figure.savefig(out, format=file_format, dpi=DPI, metadata=_METADATA[file_format])
     return out.getvalue()
 
 
 def draw_line(axes: Axes, line: Line, **style: Any) -> Line2D:
     """Draw a line of a panel; `style` are further properties of matplotlib."""
-    (drawn,) = axes.plot(
+    (line_2d,) = axes.plot(
         line.x, line.y, color=_TONES[line.colour], ls=_DASHES[line.dash], **style
     )
     # Set afterwards: matplotlib skips a label that starts with an underscore.
-    drawn.set_label(mathtext(line.name))
-    return drawn
+    line_2d.set_label(mathtext(line.name))
+    return line_2d
 
 
 def caption(figure: Figure, axes: Axes, label: str, handles: Sequence[Line2D]) -> None:
@@ -138,10 +158,10 @@ def caption(figure: Figure, axes: Axes, label: str, handles: Sequence[Line2D]) -
         axes.set_title(plain(label), pad=_NEXT_LINE * max(rows, 1), fontsize=size)
 
 
-def time_axis(axes: Axes) -> None:
+def time_axis(axes: Axes, intervals: int = 10) -> None:
     """Label an axis of time in s, with ticks at whole seconds if possible."""
     axes.set_xlabel('time $t$ (s)')
-    axes.xaxis.set_major_locator(MaxNLocator(10, steps=[1, 2, 5, 10]))
+    axes.xaxis.set_major_locator(MaxNLocator(intervals, steps=[1, 2, 5, 10]))
 
 
 def plain(text: str) -> str:

@@ -32,7 +32,7 @@ def labels(runs: Sequence[Run]) -> list[str]:
     'changed' follows if parameters were changed while the robot ran. Runs with the same law, or
     without a known law, are distinguished by their files.
     """
-    plain = [_law_label(run) for run in runs]
+    plain = law_labels(runs)
     files = _different(
         [_short(log_name(run)) for run in runs], [_short(str(run.path)) for run in runs]
     )
@@ -42,6 +42,11 @@ def labels(runs: Sequence[Run]) -> list[str]:
         for label, file in zip(plain, files, strict=True)
     ]
     return _numbered(named)
+
+
+def law_labels(runs: Sequence[Run]) -> list[str]:
+    """Return the label of the law of each run, empty without a known law."""
+    return [_law_label(run) for run in runs]
 
 
 def log_name(run: Run) -> str:
@@ -97,9 +102,14 @@ def as_text(name: str) -> str:
     return name.encode(errors='replace').decode()
 
 
+def as_line(text: str) -> str:
+    """Return a text of a log as one line that every page can contain."""
+    return ' '.join(as_text(text).split())
+
+
 def _short(name: str) -> str:
     """Return a name as text on one line, of a long one the end."""
-    name = ' '.join(as_text(name).split())
+    name = as_line(name)
     return name if len(name) <= _LONGEST else f'…{name[1 - _LONGEST :]}'
 
 

@@ -6,14 +6,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 import math
 from typing import Any, NamedTuple
 
 from masmc_ros.aliases import Array
+from masmc_ros.control.supervisor import ACTIVE
 from masmc_ros.log.read.reader import Run
+from masmc_ros.loop.controller_events import ACTIVATED, DEACTIVATED, GUIDED, RESUMED
 from masmc_ros.loop.signals import largest_slip, least_normal_force
-from masmc_ros.report.measure.parameters import run_changes
+from masmc_ros.report.measure.labels import as_line
+from masmc_ros.report.measure.parameters import ParameterChange, run_changes
 from masmc_ros.report.measure.settling import settling_time
 from masmc_ros.report.measure.tracking import Tracking, tracking
 from masmc_ros.robot.declaration import Point
@@ -22,9 +25,25 @@ from numpy.typing import NDArray
 
 Window = tuple[float, float]
 
+_EVENTS = 3
+"""Maximum number of events in the notes: the last ones."""
+
+_STATE_EVENTS = ACTIVATED, RESUMED, DEACTIVATED, GUIDED
+"""Events that are changes of the controller's state."""
+
+
+class ErrorSpan(NamedTuple):
+    """Part of a window for which a run has errors: it may end early, start late or have gaps."""
+
+    first: float | None
+    last: float | None
+    """Times in s of the first and the last error in the window; None without errors."""
+    share: float
+    """Part of the window, from 0 to 1."""
+
 
 @dataclass(frozen=True)
-class Samples:
+class MetricSamples:
     """
     Signals of a run, from which its metrics follow; times in s from the first state.
 
@@ -71,7 +90,7 @@ class Samples:
         *,
         active: NDArray[np.bool_] | slice = slice(None),
         estimate: Array | None = None,
-    ) -> Samples:
+    ) -> MetricSamples:
         """
         Return the samples of a computed run, with the second half as its window.
 
@@ -111,16 +130,72 @@ class Samples:
             {point: Reached(**_computed(Reached, self, point)) for point in self.points},
             self.torque.shape[1],
             **_computed(Metrics, self),
+            errors=self.error_span(),
         )
+
+    def error_span(self) -> ErrorSpan:
+        """Return the part of the window for which there are errors."""
+        times = self.times[self._within(self.times)]
+        if not len(times):
+            return ErrorSpan(None, None, 0.0)
+        start, end = self.window
+        steps = np.diff(self.times)
+        period = float(np.median(steps)) if len(steps) else 0.0
+        # The last state of a run is not in its window; a late message is no gap.
+        missing = np.diff(np.concatenate([[start], times, [end]])) - period
+        lost = float(missing[missing > period].sum())
+        return ErrorSpan(float(times[0]), float(times[-1]), 1.0 - lost / max(end - start, period))
 
     def _within(self, times: Array) -> NDArray[np.bool_]:
         start, end = self.window
         return (start <= times) & (times < end)
 
 
+class RunSums(NamedTuple):
+    """
+    Sums of a run over the ticks of its window, in place of samples that are not kept.
+
+    Attributes
+    ----------
+    ticks
+        number of ticks in the window.
+    duration
+        length of the window in s.
+    square_sum, largest_square
+        (points) sum and largest one of the squared distances in m² or rad².
+    settled
+        (points) settling time in s, infinity without one.
+    torque_square_sum
+        sum of the squared norms of the torques in N²·m²; None if velocities are commanded.
+    torque_change_sum
+        sum of all changes of the torques in N·m, or None.
+    estimate
+        (parameters) last estimate of the base inertial parameters, or None.
+
+    """
+
+    ticks: int
+    duration: float
+    square_sum: Array
+    largest_square: Array
+    settled: Sequence[float]
+    torque_square_sum: float | None
+    torque_change_sum: float | None
+    estimate: Array | None
+
+    def metrics(self, points: Sequence[Point], window: Window, joints: int) -> Metrics:
+        """Compute the metrics; those without a formula of sums are None."""
+        return Metrics(
+            *window,
+            {p: Reached(**_summed(Reached, self, i)) for i, p in enumerate(points)},
+            joints,
+            **_summed(Metrics, self),
+        )
+
+
 class Metric(NamedTuple):
     """
-    Declaration of a metric, for all tables, files and pages.
+    Declaration of a metric, for all tables, files and pages, and for campaigns.
 
     Attributes
     ----------
@@ -132,12 +207,19 @@ class Metric(NamedTuple):
         SI unit; empty: unit of the point.
     formula
         value of samples, and of a point if it is one of a point; None or NaN without data.
+    of_sums
+        the same value of the `RunSums` of a run, and of the index of a point if it is one of a
+        point. Campaigns keep no samples; None: they do not compute the metric, and say so.
     is_small
         whether tables show thousandths of the unit.
     of_contact
         whether only runs with wheels in contact have it.
     is_compared
         whether `masmc compare` shows it.
+    is_shown
+        whether tables for people show it; files with numbers contain every metric.
+    is_larger_better
+        whether a larger value is better.
 
     """
 
@@ -145,9 +227,12 @@ class Metric(NamedTuple):
     head: str
     unit: str
     formula: Callable[..., float | None]
+    of_sums: Callable[..., float | None] | None = None
     is_small: bool = False
     of_contact: bool = False
     is_compared: bool = False
+    is_shown: bool = True
+    is_larger_better: bool = False
 
 
 def _metric(*declaration: Any, **options: Any) -> Any:
@@ -162,6 +247,14 @@ def declared(kind: type) -> dict[str, Metric]:
 
 def _computed(kind: type, *arguments: Any) -> dict[str, Any]:
     return {name: metric.formula(*arguments) for name, metric in declared(kind).items()}
+
+
+def _summed(kind: type, *arguments: Any) -> dict[str, Any]:
+    return {
+        name: metric.of_sums(*arguments)
+        for name, metric in declared(kind).items()
+        if metric.of_sums is not None
+    }
 
 
 def _sums(values: Array) -> Array:
@@ -195,16 +288,29 @@ def total_variation(samples: Array) -> float:
     return _total(_sums(np.abs(np.diff(samples, axis=0)))) if len(samples) > 1 else 0.0
 
 
-def _variation(samples: Samples) -> float | None:
+def _variation(samples: MetricSamples) -> float | None:
     """Return sum_i sum_k |tau_i,k+1 - tau_i,k| / (end - start) of the commands."""
     torques, (start, end) = samples.torques(), samples.window
     return total_variation(torques) / (end - start) if len(torques) else None
 
 
-def _estimate_norm(samples: Samples) -> float | None:
+def _estimate_norm(samples: MetricSamples) -> float | None:
     """Return the Euclidean norm of the last estimate, whose units are mixed (kg, kg·m², kg·m)."""
     estimate = samples.estimate
-    return float(np.linalg.norm(estimate[-1])) if estimate is not None and len(estimate) else None
+    return _norm(estimate[-1]) if estimate is not None and len(estimate) else None
+
+
+def _norm(vector: Array | None) -> float | None:
+    return None if vector is None else float(np.linalg.norm(vector))
+
+
+def _rms(square_sum: float | None, ticks: int) -> float | None:
+    """Return the root of the mean of squares with a known sum; None without ticks."""
+    return math.sqrt(square_sum / ticks) if ticks and square_sum is not None else None
+
+
+def _per_second(change: float | None, ticks: int, duration: float) -> float | None:
+    return change / duration if ticks and change is not None else None
 
 
 @dataclass(frozen=True)
@@ -216,13 +322,18 @@ class Reached:
     does not stay small.
     """
 
-    rms: float | None = _metric('rms', 'RMS', '', lambda run, point: rms_norm(run.errors(point)))
+    rms: float | None = _metric(
+        'rms', 'RMS', '', lambda run, point: rms_norm(run.errors(point)),
+        lambda sums, i: _rms(float(sums.square_sum[i]), sums.ticks),
+    )
     largest: float | None = _metric(
-        'max', 'max', '', lambda run, point: largest_norm(run.errors(point))
+        'max', 'max', '', lambda run, point: largest_norm(run.errors(point)),
+        lambda sums, i: math.sqrt(float(sums.largest_square[i])) if sums.ticks else None,
     )
     settling: float | None = _metric(
         'settling', 'settles', 's',
         lambda run, point: settling_time(run.times, run.error[:, point.axes], run.changed),
+        lambda sums, i: sums.settled[i],
     )
 
 
@@ -232,7 +343,9 @@ class Metrics:
     Errors and torques of a run over the window start <= t < end in s from the first state.
 
     A value is None if the log lacks its data. `points` contains the distances of the robot's
-    points, `joints` is the number of commanded torques.
+    points, `joints` is the number of commanded torques, `errors` the part of the window with
+    errors, None if they cover all of it by construction. `notes` are sentences about the log:
+    messages that are not used, events, clocks that differ.
     """
 
     start: float
@@ -240,13 +353,20 @@ class Metrics:
     points: Mapping[Point, Reached]
     joints: int
     torque_rms: float | None = _metric(
-        'torque_rms', 'torque RMS', 'N·m', lambda run: rms_norm(run.torques()), is_compared=True
+        'torque_rms', 'torque RMS', 'N·m', lambda run: rms_norm(run.torques()),
+        lambda sums: _rms(sums.torque_square_sum, sums.ticks),
+        is_compared=True,
     )
     torque_variation: float | None = _metric(
-        'torque_variation', 'torque variation', 'N·m/s', _variation, is_compared=True
+        'torque_variation', 'torque variation', 'N·m/s', _variation,
+        lambda sums: _per_second(sums.torque_change_sum, sums.ticks, sums.duration),
+        is_compared=True,
     )
     estimate_norm: float | None = _metric(
-        'estimate_norm', 'estimate norm', 'mixed', _estimate_norm
+        'estimate_norm', 'estimate norm', 'mixed', _estimate_norm,
+        lambda sums: _norm(sums.estimate),
+        # Its units are mixed. Programs that read the files expect the column.
+        is_shown=False,
     )
     fastest_slip: float | None = _metric(
         'fastest_slip', 'fastest slip', 'm/s',
@@ -256,8 +376,11 @@ class Metrics:
     least_normal_force: float | None = _metric(
         'least_normal_force', 'least normal force', 'N',
         lambda run: None if run.contact is None else least_normal_force(run.contact),
-        of_contact=True,
+        of_contact=True, is_larger_better=True,
     )
+
+    errors: ErrorSpan | None = field(default=None, compare=False)
+    notes: tuple[str, ...] = field(default=(), compare=False)
 
     def of(self, key: str) -> Reached:
         """Return the distances of a point, by its key."""
@@ -281,7 +404,8 @@ def metrics(run: Run, *, window: Window | None = None, tracked: Tracking | None 
     tracked = tracking(run) if tracked is None else tracked
     start = run.times[0]
     estimate = run.telemetry.get('estimate')
-    return Samples(
+    changes = run_changes(run)
+    reached = MetricSamples(
         tracked.times,
         tracked.error,
         run.torque.times - start,
@@ -290,8 +414,38 @@ def metrics(run: Run, *, window: Window | None = None, tracked: Tracking | None 
         run.mechanism.points,
         None if estimate is None else estimate.values,
         None if run.contact is None else run.contact.values,
-        max((change.time for change in run_changes(run)), default=-math.inf),
+        max((change.time for change in changes), default=-math.inf),
     ).metrics()
+    return replace(reached, notes=(*run.notes, *_events(run, changes)))
+
+
+def _events(run: Run, changes: Sequence[ParameterChange]) -> list[str]:
+    """Return sentences about restarts, times without the law and their reasons, and resets."""
+    start, states = float(run.times[0]), run.controller_states
+    restarts = [
+        f'{as_line(node)} was restarted while the robot ran: its state was lost there.'
+        for node in run.restarted
+    ]
+    events = [
+        (change.time, f'Event {as_line(change.name)} at t = {change.time:.3f} s.')
+        for change in changes
+        # The states of the controller have the reasons as well.
+        if change.is_event and not (states and change.name in _STATE_EVENTS)
+    ]
+    ends = [*(time - start for time, _ in states[1:]), math.inf]
+    for (time, text), end in zip(states, ends, strict=False):
+        if text != ACTIVE and end > 0.0:
+            until = 'the end' if end == math.inf else f'{end:.3f} s'
+            first = max(time - start, 0.0)
+            events.append((
+                first, f'Controller {as_line(text)}, from t = {first:.3f} s to {until}.'
+            ))
+    events.sort()
+    earlier = len(events) - _EVENTS
+    if earlier > 0:
+        count = f'{earlier} earlier event{"s" if earlier > 1 else ""} of the controller'
+        events = [(0.0, f'{count} before these:'), *events[-_EVENTS:]]
+    return [*restarts, *(text for _, text in events)]
 
 
 def second_half(times: Array) -> Window:

@@ -56,8 +56,6 @@ def unread(run: Run) -> list[str]:
 
 
 def _sentences(run: Run, tracked: Tracking) -> Iterator[str]:
-    for node in run.restarted:
-        yield f'{node} was restarted while the robot ran: its state was lost there.'
     yield from unread(run)
     gaps = gaps_in(np.rint(run.times * NANOSECONDS))
     if gaps.count:

@@ -16,7 +16,7 @@ from masmc_ros.params.declaration import check_all
 from masmc_ros.robot.robot import Robot, robot_of
 
 
-class Change(NamedTuple):
+class ParameterChange(NamedTuple):
     """Change of a parameter, or an event, while the robot ran."""
 
     time: float
@@ -32,7 +32,7 @@ class Change(NamedTuple):
     """Whether it is an event."""
 
 
-def run_changes(run: Run) -> list[Change]:
+def run_changes(run: Run) -> list[ParameterChange]:
     """Return the changes while the robot ran, in their order."""
     active = {node: dict(values) for node, values in run.parameters.items()}
     changes = []
@@ -41,11 +41,12 @@ def run_changes(run: Run) -> list[Change]:
         time = record.stamp / NANOSECONDS - float(run.times[0])
         known = active.setdefault(node, {})
         changes += [
-            Change(time, record.tick, node, name, known.get(name), value)
+            ParameterChange(time, record.tick, node, name, known.get(name), value)
             for name, value in record.changes.items()
         ]
         if record.event:
-            changes.append(Change(time, record.tick, node, record.event, None, None, True))
+            event = ParameterChange(time, record.tick, node, record.event, None, None, True)
+            changes.append(event)
         known.update(record.parameters)
     return changes
 
@@ -56,18 +57,24 @@ def run_robot(run: Run) -> Robot | None:
 
     A simulated plant has the true lengths, the other nodes have assumed ones.
     """
+    robots = (robot_of_node(run, node) for node in ('plant', 'controller', 'trajectory'))
+    return next((robot for robot in robots if robot is not None), None)
+
+
+def robot_of_node(run: Run, node: str) -> Robot | None:
+    """Return the robot that the parameters of a node describe; None if they do not."""
     declared = run.mechanism.parameters
-    for node in ('plant', 'controller', 'trajectory'):
-        values = run.parameters.get(node, {})
-        known = {p.name: values[p.name] for p in declared if p.name in values}
-        if len(known) == len(declared):
-            with suppress(InputError):
-                checked = check_all(declared, known, integers_for_doubles=True)
-                return robot_of({**values, **checked})
+    values = run.parameters.get(node, {})
+    known = {p.name: values[p.name] for p in declared if p.name in values}
+    if len(known) < len(declared):
+        return None
+    with suppress(InputError):
+        checked = check_all(declared, known, integers_for_doubles=True)
+        return robot_of({**values, **checked})
     return None
 
 
-def change_texts(change: Change) -> tuple[str, str]:
+def change_texts(change: ParameterChange) -> tuple[str, str]:
     """Return the old and the new value in the form of a parameter file; empty for an event."""
     if change.is_event:
         return '', ''

@@ -44,13 +44,21 @@ class Recomputed:
             base = tick_block.rates[:, :len(run.mechanism.twist)]
             self._compare('commands', run.cmd_vel, stamps, base)
 
+    def counts(self) -> dict[str, int]:
+        """Return the numbers of logged and of identical states and commands."""
+        run = self._run
+        return {
+            'states': len(self._states),
+            'identical_states': self._same['states'],
+            'commands': len(run.cmd_vel) + len(run.arm_rates) + len(run.torque),
+            'identical_commands': self._same['commands'],
+        }
+
     def verdict(self, *, is_changed: bool) -> str:
         """Return the result in one line; `is_changed` if parameters differ from the log's."""
-        states, commands = self._same['states'], self._same['commands']
-        run = self._run
-        sent = len(run.cmd_vel) + len(run.arm_rates) + len(run.torque)
-        total = f'{len(self._states)} states and {sent} commands'
-        if states == len(self._states) and commands == sent:
+        logged, states, sent, commands = self.counts().values()
+        total = f'{logged} states and {sent} commands'
+        if states == logged and commands == sent:
             return f'recomputed: all {total} of {self._run.path} are bitwise identical'
         # Different settings give a different run.
         reason = ' with other parameters' if is_changed else ''

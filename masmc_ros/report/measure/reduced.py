@@ -17,7 +17,7 @@ from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.timing import Timing
 from masmc_ros.params.declaration import Values
 from masmc_ros.params.scenario import activation
-from masmc_ros.report.measure.metrics import Metrics, Reached, Samples, second_half
+from masmc_ros.report.measure.metrics import Metrics, MetricSamples, RunSums, second_half
 from masmc_ros.report.measure.settling import BAND, FLOOR, settled_after
 from masmc_ros.robot.declaration import Mechanism
 import numpy as np
@@ -104,7 +104,7 @@ def simulated_metrics(run: Mapping[str, Values]) -> Metrics | float:
         return math.nan
     errors, torques, active, estimates, takes_velocities = zip(*blocks, strict=True)
     mechanism = simulation.controller.mechanism
-    return Samples.of_ticks(
+    return MetricSamples.of_ticks(
         np.concatenate(errors),
         np.zeros((0, len(mechanism.joints))) if takes_velocities[0] else np.concatenate(torques),
         simulation.timing.period,
@@ -144,27 +144,21 @@ def metrics_of_lane(
     """
     if reduced['lost_tick'][lane] >= 0:
         return window.timing.time(int(reduced['lost_tick'][lane]))
-    ticks, last = window.after - window.first, len(window.times) - 1
+    last = len(window.times) - 1
 
-    def reached(point: int) -> Reached:
-        outside = int(reduced['last_outside'][point, lane])
-        settled = float(window.times[outside + 1]) if outside < last else math.inf
-        return Reached(
-            rms=math.sqrt(float(reduced['square_sum'][point, lane]) / ticks) if ticks else None,
-            largest=math.sqrt(float(reduced['largest_square'][point, lane])) if ticks else None,
-            settling=settled_after(0.0, settled, window.end),
-        )
+    def settled(outside: int) -> float:
+        time = float(window.times[outside + 1]) if outside < last else math.inf
+        return settled_after(0.0, time, window.end)
 
-    efforts: dict[str, float] = {}
-    if has_torques and ticks:
-        square, change = reduced['torque_square_sum'][lane], reduced['torque_change_sum'][lane]
-        efforts['torque_rms'] = math.sqrt(float(square) / ticks)
-        efforts['torque_variation'] = float(change) / (window.end - window.start)
-    return Metrics(
-        window.start,
-        window.end,
-        {point: reached(i) for i, point in enumerate(mechanism.points)},
-        mechanism.sizes['joints'] if has_torques else 0,
-        **efforts,
-        estimate_norm=None if estimate is None else float(np.linalg.norm(estimate)),
+    sums = RunSums(
+        ticks=window.after - window.first,
+        duration=window.end - window.start,
+        square_sum=reduced['square_sum'][:, lane],
+        largest_square=reduced['largest_square'][:, lane],
+        settled=[settled(int(tick)) for tick in reduced['last_outside'][:, lane]],
+        torque_square_sum=float(reduced['torque_square_sum'][lane]) if has_torques else None,
+        torque_change_sum=float(reduced['torque_change_sum'][lane]) if has_torques else None,
+        estimate=estimate,
     )
+    joints = mechanism.sizes['joints'] if has_torques else 0
+    return sums.metrics(mechanism.points, (window.start, window.end), joints)

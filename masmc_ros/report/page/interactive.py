@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 from html import escape
 from itertools import compress, cycle
 from typing import NamedTuple
@@ -13,24 +14,39 @@ from typing import NamedTuple
 from masmc_ros.log.read.decode import Series
 from masmc_ros.log.read.reader import Run
 from masmc_ros.loop.signals import CONTACT, PUBLISHED, Signal
+from masmc_ros.report.measure.adaptation import Adaptation
 from masmc_ros.report.measure.parameters import run_changes
 from masmc_ros.report.measure.tracking import Compared, Tracking
-from masmc_ros.report.page.packed_samples import packed_path
+from masmc_ros.report.page.packed_samples import MOST, packed_path
 from masmc_ros.report.page.time_plot import panel_plot, time_plot
 from masmc_ros.report.panels import (
+    adaptation_panels,
     COLOURS,
     comparison_panels,
     error_panel,
     Line,
     lines,
+    MULTIPLES,
     Panel,
     path_panel,
 )
 import numpy as np
 import plotly.graph_objects as go
 
-_MOST = 14
-"""Maximum number of lines of a plot of controller signals."""
+COMPLETE = 2
+"""Maximum number of runs of a page with all samples."""
+
+_RANGES = 13_000
+"""Number of ranges of one line of all runs together; a page of 20 runs has 5 MB."""
+
+_FEWEST = 500
+"""Minimum number of ranges of a line, about the number of its columns of pixels."""
+
+_ESTIMATE = 'estimate'
+"""Name of the panel of the estimates in SI units."""
+
+NAMED = 8
+"""Maximum number of runs of a plot with a legend; pointing at a line shows its run."""
 
 
 class Plot(NamedTuple):
@@ -56,12 +72,23 @@ class Plot(NamedTuple):
     is_over_time: bool = True
 
 
+def ranges_per_line(runs: int) -> int:
+    """
+    Return the maximum number of ranges of samples of a line, of a page with some runs.
+
+    Pages of one or two runs contain all samples of common logs.
+    """
+    return MOST if runs <= COMPLETE else max(_FEWEST, _RANGES // runs)
+
+
 def span_of(runs: Sequence[Run]) -> tuple[float, float]:
     """Return the time from the first state to the last of the longest run, s."""
     return 0.0, max(float(run.times[-1] - run.times[0]) for run in runs)
 
 
-def comparison_plots(compared: Sequence[Compared], span: tuple[float, float]) -> list[Plot]:
+def comparison_plots(
+    compared: Sequence[Compared], span: tuple[float, float], ranges: int
+) -> list[Plot]:
     """Return the panels of a comparison, without those that no run has."""
     plots = []
     for panel in comparison_panels(compared):
@@ -72,20 +99,52 @@ def comparison_plots(compared: Sequence[Compared], span: tuple[float, float]) ->
             if len(line.x)
         ]
         if drawn:
-            figure = time_plot(panel._replace(lines=drawn), span, is_logarithmic=True)
+            figure = time_plot(
+                panel._replace(lines=drawn), span, ranges=ranges, is_logarithmic=True
+            )
+            figure.update_layout(showlegend=len(drawn) <= NAMED)
             plots.append(Plot(panel.name, f'{panel.title}, all runs', figure))
     return plots
 
 
-def run_plots(compared: Compared, span: tuple[float, float]) -> list[Plot]:
-    """Return the plots of all signals in the log of a run."""
+def adaptation_plots(
+    adapted: Sequence[tuple[str, Adaptation | None]], span: tuple[float, float], ranges: int
+) -> list[Plot]:
+    """Return a small plot for each parameter, with the estimates of all runs."""
+    plots = []
+    for panel in adaptation_panels(adapted):
+        figure = time_plot(panel, span, ranges=ranges)
+        figure.update_layout(showlegend=len(panel.lines) <= NAMED)
+        plots.append(Plot(panel.name, panel.title, figure))
+    return plots
+
+
+def run_plots(
+    compared: Compared, span: tuple[float, float], ranges: int, *, has_estimates: bool
+) -> list[Plot]:
+    """
+    Return the plots of all signals in the log of a run.
+
+    Parameters
+    ----------
+    compared
+        the run.
+    span
+        start and end of the abscissa in s.
+    ranges
+        maximum number of ranges of samples of a line.
+    has_estimates
+        whether the estimates are drawn; the plots of the adaptation contain them otherwise.
+
+    """
     run, changes = compared.run, run_changes(compared.run)
     path = path_panel(run, compared.tracked)
-    plane = panel_plot(path, '<i>x</i> (m)', packed_path)
+    plane = panel_plot(path, '<i>x</i> (m)', partial(packed_path, most=ranges))
     plane.update_yaxes(scaleanchor='x')
     return [Plot(path.name, path.title, plane, is_over_time=False)] + [
-        Plot(panel.name, panel.title, time_plot(panel, span, changes))
+        Plot(panel.name, panel.title, time_plot(panel, span, changes, ranges=ranges))
         for panel in _shown(run, compared.tracked)
+        if has_estimates or panel.name != _ESTIMATE
     ]
 
 
@@ -111,7 +170,7 @@ def _shown(run: Run, tracked: Tracking) -> Iterator[Panel]:
             drives, run.torque.times - start, run.torque.values
         )
         drawn += _raw_torques(run)
-    yield Panel('torque', title, quantity, drawn)
+    yield Panel('torque', title, quantity, drawn, has_peaks=True)
     yield from (_published(run, signal) for signal in signals if signal.size != 'axes')
     if run.contact is not None:
         yield from _contacts(run, run.contact)
@@ -127,11 +186,12 @@ def _published(run: Run, signal: Signal) -> Panel:
         quantity = f'{symbol} ({units[0]})'
         names = [f'{symbol} of {c.html}' if c.html else symbol for c in components]
     title, values = signal.title, series.values
-    if len(names) > _MOST:
-        title = f'{title}: the {_MOST} of {len(names)} that move most'
-        chosen = np.sort(np.argsort(np.nan_to_num(np.ptp(values, axis=0)))[-_MOST:])
+    if len(names) > MULTIPLES:
+        title = f'{title}: the {MULTIPLES} of {len(names)} that move most'
+        chosen = np.sort(np.argsort(np.nan_to_num(np.ptp(values, axis=0)))[-MULTIPLES:])
         names, values = [names[i] for i in chosen], values[:, chosen]
-    return Panel(signal.name, title, quantity, lines(names, series.times - run.times[0], values))
+    drawn = lines(names, series.times - run.times[0], values)
+    return Panel(signal.name, title, quantity, drawn, has_peaks=signal.size == 'axes')
 
 
 def _raw_torques(run: Run) -> list[Line]:

@@ -69,7 +69,9 @@ const lines = (() => {
     // One more on either side, so that the line leaves the picture.
     const first = Math.max(0, before(x, begin) - 1);
     const last = Math.min(low.length - 1, before(x, end));
-    if (last - first >= 2 * width) return columns(samples, first, last, width);
+    // Ranges that are narrower than two pixels look like a line through their ends.
+    const enough = low === high ? 2 * width : width / 2;
+    if (last - first >= enough) return columns(samples, first, last, width);
     if (low !== high) return boxes(samples, first, last);
     return { x: x.slice(first, last + 1), y: low.slice(first, last + 1), fill: 'none' };
   };
@@ -115,11 +117,41 @@ const lines = (() => {
     return [least - room, greatest + room];
   };
 
+  // Where a line of peaks is clipped: the parts of its values below and above.
+  const [LOW, HIGH] = [0.005, 0.995];
+  // A range with the clipped values has to be this much larger, otherwise nothing is clipped.
+  const LARGER = 1.5;
+  // The range of an axis that ignores short peaks, and the largest value outside of it.
+  const bounds = (drawn) => {
+    const all = Float64Array.from(drawn.flatMap(({ y }) => y.length ? [...y] : []))
+      .filter(Number.isFinite)
+      .sort();
+    if (all.length === 0) return { range: null, peak: null };
+    const at = (part) => all[Math.round(part * (all.length - 1))];
+    const [least, greatest] = [all[0], all[all.length - 1]];
+    const [low, high] = [at(LOW), at(HIGH)];
+    const room = 0.08 * (high - low) || 1;
+    if (!(greatest - least > LARGER * (high - low)) || high === low) {
+      const whole = 0.06 * (greatest - least) || 1;
+      return { range: [least - whole, greatest + whole], peak: null };
+    }
+    const peak = { value: 0 };
+    drawn.forEach(({ x, y }, line) => {
+      for (let i = 0; i < y.length; i += 1) {
+        const isOutside = y[i] < low - room || y[i] > high + room;
+        if (isOutside && Math.abs(y[i]) > Math.abs(peak.value)) {
+          Object.assign(peak, { value: y[i], time: x[i], line });
+        }
+      }
+    });
+    return { range: [low - room, high + room], peak: 'line' in peak ? peak : null };
+  };
+
   const read = async (samples, isOverTime) => {
     if (!isOverTime) return { x: await values(samples.x), y: await values(samples.y) };
     const low = await values(samples.y ?? samples.low);
     return { x: await times(samples.x), low, high: samples.y ? low : await values(samples.high) };
   };
 
-  return { read, signal, path, extent };
+  return { read, before, signal, path, extent, bounds };
 })();

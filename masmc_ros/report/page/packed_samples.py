@@ -12,7 +12,7 @@ from masmc_ros.aliases import AnyArray, Array
 import numpy as np
 
 MOST = 200_000
-"""Maximum number of samples of a line; longer lines are reduced to ranges."""
+"""Maximum number of ranges of a line, each with two values; shorter lines have every sample."""
 
 _LARGEST = float(np.finfo(np.float32).max)
 _NANOSECONDS = 1.0e9
@@ -29,10 +29,10 @@ def packed_signal(times: Array, values: Array, most: int = MOST) -> dict[str, st
     values
         (n), kept as float32.
     most
-        maximum number of samples or ranges.
+        maximum number of ranges; twice as many samples are kept.
 
     """
-    size = _size(len(times), most)
+    size = 1 if len(times) <= 2 * most else _size(len(times), most)
     starts = np.arange(0, len(times), size)
     ends = [] if size == 1 else [times[-1]]
     signal = {'x': _packed_times(np.concatenate((times[starts], ends)))}

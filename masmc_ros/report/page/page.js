@@ -5,6 +5,12 @@
   const colour = (name) =>
     getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 
+  // Numbers of a trace, which plotly writes as a list or as base64 of doubles.
+  const numbers = (values) =>
+    values.bdata
+      ? new Float64Array(Uint8Array.from(atob(values.bdata), (c) => c.charCodeAt(0)).buffer)
+      : values;
+
   // The traces name their colours; light and dark have a tone for each.
   const paint = (data, layout) => {
     for (const trace of data) {
@@ -43,15 +49,66 @@
     const isWide = x[1] - x[0] > y[1] - y[0];
     return samples.map((each) => lines.path(each, x, y, isWide ? width : width / 2));
   };
+  // The ordinate of what is seen; all changes of a layout that follow from a stretch of time.
+  const ordinate = (chart, drawn, isWhole) => {
+    const { home, hasPeaks, names, unit } = held.get(chart);
+    if (!hasPeaks) return isWhole && home ? { 'yaxis.range': [...home] } : { 'yaxis.autorange': true };
+    const { range, peak } = lines.bounds(drawn);
+    const text = peak
+      ? `peak ${peak.value.toPrecision(3).replace('-', '−')} ${unit} at ${peak.time.toFixed(3)} s, ${names[peak.line]}`
+      : '';
+    const place = { xref: 'paper', yref: 'paper', x: 0, y: 1, xanchor: 'left', yanchor: 'bottom' };
+    return {
+      ...(range ? { 'yaxis.range': range } : { 'yaxis.autorange': true }),
+      annotations: text ? [{ ...place, text, showarrow: false, font: { size: 12 } }] : [],
+    };
+  };
+  const isWhole = (chart, [begin, end]) => {
+    const [first, last] = held.get(chart).span;
+    return begin <= first && end >= last;
+  };
+
+  // Names of events where they neither overlap nor leave the plot; the tooltips have all.
+  const SYMBOL = 16; // pixels of a triangle and its margin
+  const measure = document.createElement('canvas').getContext('2d');
+  const name = (chart, { data, layout }, [begin, end]) => {
+    const marks = data.find((trace) => trace.mode === 'markers+text');
+    if (!marks) return;
+    const { names, times } = held.get(chart).marks;
+    const { l, r } = layout.margin;
+    const width = Math.max(chart.clientWidth, 100) - l - r;
+    measure.font = `${layout.font.size}px sans-serif`;
+    const places = times.map((time) => ((time - begin) / (end - begin)) * width);
+    let free = 0;
+    marks.text = [];
+    marks.textposition = [];
+    places.forEach((x, i) => {
+      const size = measure.measureText(names[i].replace(/&[a-z#0-9]+;/g, '_')).width + SYMBOL;
+      const isSeen = x >= 0 && x <= width;
+      const isOnRight = isSeen && x + size <= Math.min(width, places[i + 1] ?? width);
+      const isOnLeft = isSeen && !isOnRight && x - size >= free;
+      marks.text.push(isOnRight || isOnLeft ? names[i] : '');
+      marks.textposition.push(isOnLeft ? 'bottom left' : 'bottom right');
+      if (isSeen) free = isOnRight ? x + size : x + SYMBOL;
+    });
+  };
+
   const draw = async (chart) => {
     const { data, layout } = JSON.parse(document.getElementById(`${chart.id}-data`).textContent);
     const isOverTime = overTime.includes(chart);
     const drawn = data.filter((trace) => trace.meta.samples);
     const samples = drawn.map((trace) => lines.read(trace.meta.samples, isOverTime));
+    const marks = data.find((trace) => trace.mode === 'markers+text');
     held.set(chart, {
       isOverTime,
       samples: await Promise.all(samples),
       traces: drawn.map((trace) => data.indexOf(trace)),
+      names: drawn.map((trace) => trace.name),
+      span: layout.xaxis.range,
+      home: layout.yaxis.range,
+      hasPeaks: layout.meta?.hasPeaks,
+      unit: layout.yaxis.title.text.match(/\(([^()]*)\)$/)?.[1] ?? '',
+      marks: marks && { names: marks.text, times: [...numbers(marks.x)] },
     });
     for (const trace of data) trace.meta = trace.meta.colour;
     if (!isOverTime) {
@@ -60,44 +117,77 @@
         layout[`${axis}axis`].range = lines.extent(all);
       }
     }
-    seen(chart, layout).forEach((line, i) => Object.assign(drawn[i], line));
+    const found = seen(chart, layout);
+    found.forEach((line, i) => Object.assign(drawn[i], line));
+    if (held.get(chart).hasPeaks) {
+      const { 'yaxis.range': range, annotations } = ordinate(chart, found, true);
+      Object.assign(layout, { annotations });
+      if (range) layout.yaxis.range = range;
+    }
+    name(chart, { data, layout }, layout.xaxis.range);
     paint(data, layout);
     if (isTouched) layout.dragmode = false;
     return Plotly.newPlot(chart, data, layout, config);
   };
-  const redraw = (chart, change) => {
-    const axes = change['xaxis.range'] ? { xaxis: { range: change['xaxis.range'] } } : chart.layout;
-    const found = seen(chart, axes);
+  const redraw = (chart, change, keepsOrdinate) => {
+    const range = change['xaxis.range'] ?? chart.layout.xaxis.range;
+    const { isOverTime, traces } = held.get(chart);
+    const found = seen(chart, isOverTime ? { xaxis: { range } } : chart.layout);
     const line = Object.fromEntries(
       ['x', 'y', 'fill'].map((key) => [key, found.map((each) => each[key])]),
     );
-    return Plotly.update(chart, line, change, held.get(chart).traces);
+    const follows = isOverTime && !keepsOrdinate;
+    const ordinates = follows ? ordinate(chart, found, isWhole(chart, range)) : {};
+    if (isOverTime) name(chart, chart, range);
+    return Plotly.update(chart, line, { ...change, ...ordinates }, traces);
   };
 
   let isLinking = false;
   const link = (chart) =>
     chart.on('plotly_relayout', async (changed) => {
-      if (isLinking || !Object.keys(changed).some((key) => /^[xy]axis/.test(key))) return;
+      const keys = Object.keys(changed);
+      if (isLinking || !keys.some((key) => /^[xy]axis/.test(key))) return;
       const isOverTime = overTime.includes(chart);
-      if (isOverTime && !Object.keys(changed).some((key) => key.startsWith('xaxis'))) return;
+      if (isOverTime && !keys.some((key) => key.startsWith('xaxis'))) return;
       isLinking = true;
       const range = [...chart.layout.xaxis.range];
       const others = isOverTime ? overTime.filter((other) => other !== chart) : [];
+      // A box that the user drew has an ordinate; a whole run has that of its first drawing.
+      const keepsOrdinate =
+        keys.some((key) => key.startsWith('yaxis')) && !(isOverTime && isWhole(chart, range));
       await Promise.all([
-        redraw(chart, {}),
-        ...others.map((other) => redraw(other, { 'xaxis.range': [...range] })),
+        redraw(chart, {}, keepsOrdinate),
+        ...others.map((other) => redraw(other, { 'xaxis.range': [...range] }, false)),
       ]);
       isLinking = false;
     });
 
-  Promise.all(charts.map(draw)).then(() => {
-    charts.forEach(link);
-    document.documentElement.dataset.drawn = charts.length;
-  });
-  matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => {
+  const repaint = () => {
     for (const chart of charts) {
       paint(chart.data, chart.layout);
       Plotly.redraw(chart);
     }
+  };
+  library.then(() => Promise.all(charts.map(draw))).then(() => {
+    charts.forEach(link);
+    cursor.attach(overTime, (chart) => held.get(chart));
+    document.documentElement.dataset.drawn = charts.length;
   });
+  matchMedia('(prefers-color-scheme: dark)').addEventListener('change', repaint);
+
+  // Printed drawings are as wide as the paper permits, with the colours of the light page.
+  const print = (isPrinted) => {
+    if (!document.documentElement.dataset.drawn) return;
+    document.documentElement.classList.toggle('printed', isPrinted);
+    repaint();
+    for (const chart of charts) {
+      const { width, height } = chart._fullLayout;
+      chart.style.setProperty('--ratio', width / height);
+      for (const svg of chart.querySelectorAll('.main-svg')) {
+        svg.setAttribute('viewBox', `0 0 ${width} ${height}`);
+      }
+    }
+  };
+  addEventListener('beforeprint', () => print(true));
+  addEventListener('afterprint', () => print(false));
 })();

@@ -6,21 +6,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from html import escape
-from itertools import groupby
 import math
 
 from masmc_ros.aliases import Array
-from masmc_ros.report.measure.parameters import Change, change_texts
-from masmc_ros.report.page.packed_samples import packed_signal
+from masmc_ros.report.measure.parameters import change_texts, ParameterChange
+from masmc_ros.report.page.packed_samples import MOST, packed_signal
 from masmc_ros.report.panels import INK, logarithmic_range, Panel
 import plotly.graph_objects as go
 
-_CHARACTER = 0.009
-"""Width of a character as a part of the abscissa; overlapping names are in tooltips only."""
+_APART = 0.03
+"""Minimum distance of two marks as a part of the abscissa; closer changes share a mark."""
+
+_LEVEL = {'width': 1.2, 'dash': 'dot', 'color': '#8C8C8C'}
+"""Line of a value to which lines are compared, and of changes."""
+
+_LISTED = 8
+"""Maximum number of changes in a tooltip."""
 
 _LAYOUT = {
-    'template': None,
+    # The template of plotly would be a copy of 7 kB in every plot.
+    'template': 'none',
     'margin': {'l': 64, 'r': 12, 't': 32, 'b': 48},  # above are the buttons
     'legend': {'orientation': 'h', 'x': 0.0, 'y': 0.0, 'yref': 'container'},
     'hovermode': 'closest',
@@ -33,8 +40,9 @@ _LAYOUT = {
 def time_plot(
     panel: Panel,
     span: tuple[float, float],
-    changes: Sequence[Change] = (),
+    changes: Sequence[ParameterChange] = (),
     *,
+    ranges: int = MOST,
     is_logarithmic: bool = False,
 ) -> go.Figure:
     """
@@ -48,16 +56,23 @@ def time_plot(
         start and end of the abscissa in s.
     changes
         changes of parameters, marked by vertical lines and symbols with tooltips.
+    ranges
+        maximum number of ranges of samples of a line.
     is_logarithmic
         whether the ordinate is logarithmic.
 
     """
-    figure = panel_plot(panel, 'time (s)', packed_signal)
+    figure = panel_plot(panel, 'time (s)', partial(packed_signal, most=ranges))
     figure.update_xaxes(range=list(span))
     if is_logarithmic:
         ends = logarithmic_range(panel)
         decades = None if ends is None else [math.log10(end) for end in ends]
         figure.update_yaxes(type='log', dtick=1, tickformat='~g', range=decades)
+    if panel.level is not None:
+        figure.add_shape(type='line', xref='paper', x0=0, x1=1, y0=panel.level, y1=panel.level,
+                         line=_LEVEL)  # fmt: skip
+    if panel.has_peaks:
+        figure.update_layout(meta={'hasPeaks': True})
     if changes:
         _mark(figure, changes, span[1] - span[0])
     return figure
@@ -68,54 +83,72 @@ def panel_plot(
 ) -> go.Figure:
     """Draw lines whose colours and visible samples the page sets; `pack` packs their samples."""
     figure = go.Figure(layout=_LAYOUT)
-    for name, x, y, colour, dash in panel.lines:
+    for name, x, y, colour, dash, result in panel.lines:
         # The page reduces the samples; the simplification of plotly has visible corners.
         line = {'width': 1.5, 'dash': dash, 'simplify': False}
+        legend = f'{name}: {result}' if result else name
         meta = {'colour': colour, 'samples': pack(x, y)}
-        figure.add_trace(go.Scatter(name=name, mode='lines', line=line, meta=meta))
-    figure.update_xaxes(title=abscissa)
-    figure.update_yaxes(title=panel.quantity)
+        figure.add_trace(go.Scatter(name=legend, mode='lines', line=line, meta=meta))
+    figure.update_xaxes(title=abscissa, automargin=True)
+    figure.update_yaxes(title=panel.quantity, automargin=True)
     return figure
 
 
-def _mark(figure: go.Figure, changes: Sequence[Change], duration: float) -> None:
-    """Mark the changes of each tick by one symbol at the upper edge."""
-    times: list[float] = []
+def _mark(figure: go.Figure, changes: Sequence[ParameterChange], duration: float) -> None:
+    """Mark changes by symbols at the upper edge; changes close to each other by one symbol."""
+    marks: list[list[ParameterChange]] = []
+    for change in sorted(changes, key=lambda change: change.time):
+        if marks and change.time - marks[-1][0].time <= _APART * duration:
+            marks[-1].append(change)
+        else:
+            marks.append([change])
+    times = [mark[0].time for mark in marks]
     names: list[str] = []
-    texts: list[str] = []
-    free_from = -math.inf
-    for time, group in groupby(changes, key=lambda change: change.time):
-        together = list(group)
-        times.append(time)
-        name = ', '.join(change.name for change in together)
-        names.append(escape(name) if time >= free_from else '')
-        if names[-1]:
-            free_from = time + _CHARACTER * duration * len(name)
-        texts.append('<br>'.join(map(_change_text, together)))
-        figure.add_vline(time, line={'width': 1.2, 'dash': 'dot', 'color': '#8C8C8C'})
+    for mark in marks:
+        distinct = dict.fromkeys(change.name for change in mark)
+        name = ', '.join(distinct)
+        if len(mark) > len(distinct):
+            name += f' ({len(mark)} changes)'
+        # The page shows those that do not overlap.
+        names.append(escape(name))
     figure.add_trace(
         go.Scatter(
             x=times,
             y=[1.0] * len(times),
             yaxis='y2',
             name='changed',
-            showlegend='' in names,
             mode='markers+text',
             marker={'symbol': 'triangle-down', 'size': 12},
             text=names,
             textposition='bottom right',
             meta={'colour': INK},
             cliponaxis=False,
-            hovertext=texts,
+            hovertext=[_mark_text(mark) for mark in marks],
             hovertemplate='%{x:.3f} s<br>%{hovertext}<extra></extra>',
         )
     )
+    # All at once: `add_vline` copies the earlier ones at each call.
+    vertical = {'type': 'line', 'xref': 'x', 'yref': 'y domain', 'y0': 0, 'y1': 1, 'line': _LEVEL}
     figure.update_layout(
-        yaxis2={'overlaying': 'y', 'range': [0.0, 1.0], 'visible': False, 'fixedrange': True}
+        shapes=[{**vertical, 'x0': time, 'x1': time} for time in times],
+        yaxis2={'overlaying': 'y', 'range': [0.0, 1.0], 'visible': False, 'fixedrange': True},
     )
 
 
-def _change_text(change: Change) -> str:
+def _mark_text(mark: Sequence[ParameterChange]) -> str:
+    """Return the changes of a mark as HTML for plotly: the first ones and their number."""
+    has_times = mark[-1].time != mark[0].time
+    lines = [
+        f'{change.time:.3f} s: {_change_text(change)}' if has_times else _change_text(change)
+        for change in mark[:_LISTED]
+    ]
+    if len(mark) > _LISTED:
+        last = f'{mark[-1].time:.3f} s'
+        lines.append(f'and {len(mark) - _LISTED} more until {last}, see the table')
+    return '<br>'.join(lines)
+
+
+def _change_text(change: ParameterChange) -> str:
     """Return a change as HTML for plotly, such as 'controller k_s1: 1.0 → 2.0'."""
     if change.is_event:
         return escape(f'{change.node}: {change.name}')

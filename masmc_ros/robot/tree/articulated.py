@@ -6,7 +6,8 @@ Forward dynamics of a tree by articulated bodies, O(n) (Featherstone, RBDA 2008,
 
 A subtree with free joints responds to the acceleration a of its root with the wrench I_A a + p_A,
 where I_A is the articulated-body inertia. Conventions are those of `dynamics`; all bodies use one
-frame, so there are no transformations between bodies.
+frame, so there are no transformations between bodies. With mimic joints, whose forces depend on
+those of other branches, H is factored instead, O(n^3).
 An articulated inertia [A B; B' M] has 21 numbers: A and M, symmetric, by rows of their upper
 triangles, and B between them by rows. It takes (omega, v) to (moment, force).
 """
@@ -21,7 +22,14 @@ from masmc_ros.jit.tuples import elementwise
 from masmc_ros.numerics.elimination import factor, solve
 from masmc_ros.numerics.scalars import minus, plus
 from masmc_ros.robot.tree.dynamics import moments_about_base
-from masmc_ros.robot.tree.kinematics import crossed, Posture, power, write_velocity
+from masmc_ros.robot.tree.kinematics import (
+    crossed,
+    Posture,
+    power,
+    sum_of,
+    towards_base,
+    write_velocity,
+)
 from masmc_ros.robot.tree.spatial import (
     add,
     cross,
@@ -32,7 +40,15 @@ from masmc_ros.robot.tree.spatial import (
     VECTOR,
     Vector,
 )
-from masmc_ros.robot.tree.tree_model import base_of, bodies_of, parent_of, rotors_begin, TreeModel
+from masmc_ros.robot.tree.tree_model import (
+    base_of,
+    bodies_of,
+    is_coupled,
+    parent_of,
+    rotors_begin,
+    TreeModel,
+    velocity_of,
+)
 import numpy as np
 
 Inertia = tuple[float, ...]
@@ -102,6 +118,11 @@ def write_accelerations(
         write_part(inertias, body, 0, _inertia_of(own))
         write_part(inertias, body, _WRENCH, add(cross(w, moment), cross(v, force)))
         write_part(inertias, body, _WRENCH + 3, cross(w, force))
+    if is_coupled(model):
+        _solve_coupled(
+            model, motion_subspaces, inertias, motion, velocity, forces, gravity, acceleration
+        )
+        return
     for body in range(bodies - 1, 0, -1):
         _propagate_inertia(
             model, motion_subspaces, motion, velocity, forces, inertias, joints, body
@@ -120,6 +141,75 @@ def write_accelerations(
         across = read_part(motion_subspaces, k, 3, VECTOR)
         write_part(motion, body, 0, add(alpha, scale(along, joint_acceleration)))
         write_part(motion, body, 3, add(a, scale(across, joint_acceleration)))
+
+
+@kernel
+def _solve_coupled(
+    model: TreeModel,
+    motion_subspaces: Array,
+    inertias: Array,
+    motion: Array,
+    velocity: Array,
+    forces: Array,
+    gravity: float,
+    acceleration: Array,
+) -> None:
+    """
+    Write H^-1 (forces - C nu - g), by the factors of H.
+
+    `inertias` and `motion` have inertias, velocity wrenches and velocities of the bodies; this
+    function overwrites them.
+    """
+    bodies, base, size = bodies_of(model), base_of(model), len(velocity)
+    rotors, matrix, moved = rotors_begin(model), scratch(size, size), scratch(bodies, 6)
+    for k in range(size):
+        acceleration[k] = forces[k]
+        for column in range(size):
+            matrix[k, column] = model.numbers[rotors + k * size + column]
+    # Accelerations at zero nudot and their wrenches; the ground accelerates upwards by gravity.
+    for body in range(bodies):
+        alpha, a = VECTOR, (0.0, 0.0, gravity)
+        if body > 0:
+            row, rate = base + body - 1, velocity[velocity_of(model, body)]
+            turned, carried = crossed(
+                read_part(motion, body, 0, VECTOR),
+                read_part(motion, body, 3, VECTOR),
+                scale(read_part(motion_subspaces, row, 0, VECTOR), rate),
+                scale(read_part(motion_subspaces, row, 3, VECTOR), rate),
+            )
+            alpha, a = sum_of(moved, parent_of(model, body), 0, turned, carried)
+        write_part(moved, body, 0, alpha)
+        write_part(moved, body, 3, a)
+        n, f = _answer(read_part(inertias, body, 0, INERTIA), alpha, a)
+        n, f = sum_of(inertias, body, _WRENCH, n, f)
+        write_part(inertias, body, _WRENCH, n)
+        write_part(inertias, body, _WRENCH + 3, f)
+    # Rows of bodies become those of composite bodies: each with its subtree.
+    for row in range(base + bodies - 2, -1, -1):
+        body = max(row - base + 1, 0)
+        k = row if row < base else velocity_of(model, body)
+        n = read_part(inertias, body, _WRENCH, VECTOR)
+        f = read_part(inertias, body, _WRENCH + 3, VECTOR)
+        acceleration[k] -= power(motion_subspaces, row, n, f)
+        n, f = _answer(
+            read_part(inertias, body, 0, INERTIA),
+            read_part(motion_subspaces, row, 0, VECTOR),
+            read_part(motion_subspaces, row, 3, VECTOR),
+        )
+        matrix[k, k] += power(motion_subspaces, row, n, f)
+        at = towards_base(model, base, row)
+        while at >= 0:
+            column = at if at < base else velocity_of(model, at - base + 1)
+            shared = power(motion_subspaces, at, n, f)
+            matrix[k, column] += 2.0 * shared if column == k else shared
+            matrix[column, k] = matrix[k, column]
+            at = towards_base(model, base, at)
+        if body > 0:
+            parent = parent_of(model, body)
+            for i in range(_ENTRIES):
+                inertias[parent, i] += inertias[body, i]
+    factor(matrix)
+    solve(matrix, acceleration)
 
 
 @formula

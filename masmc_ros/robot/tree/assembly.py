@@ -6,14 +6,16 @@ Assembly of a robot from a URDF: moving bodies, controlled joints, and the base.
 
 Links without relative motion are one body. This merges fixed joints, and joints that are not
 controlled, which are held at a constant position. It also merges wheels; their spin remains as
-armature on the base velocities.
+armature on the base velocities. A joint that mimics a controlled one moves a body with it; its
+offset is part of the constant placement of this body.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 import heapq
+import math
 from typing import cast, NamedTuple
 
 from masmc_ros.errors import InputError, suggestion
@@ -58,6 +60,16 @@ BASES = {
 _ROUNDED = 1.0e-9
 """Tolerance for a negative smallest second moment, relative to the second moments."""
 
+_ENDLESS = (-math.inf, math.inf)
+"""Range of a joint without limits."""
+
+_UNSEEN = 1.0e-6
+"""
+Size of an impossible inertia of a link without effect, relative to the second moments of its body.
+
+Published descriptions contain such links on fixed and held joints; larger ones are notes.
+"""
+
 
 @dataclass(frozen=True)
 class Frame:
@@ -91,6 +103,15 @@ class Limits(NamedTuple):
     """In N·m or N, either way."""
 
 
+class Mimic(NamedTuple):
+    """Position of a mimic joint: `multiplier` times that of a controlled joint, plus `offset`."""
+
+    source: str
+    multiplier: float
+    offset: float
+    """In rad or m."""
+
+
 @dataclass(frozen=True)
 class TreeRobot:
     """
@@ -103,19 +124,32 @@ class TreeRobot:
     inertial_parameters
         Inertial parameters (B, 10) of its bodies, see `spatial`.
     joints
-        Controlled joints, one for each body after the base.
+        Controlled joints, with the narrower limits and the friction that their mimic joints add.
+    moving
+        Joint of each body after the base: the controlled ones and their mimic joints.
+    mimics
+        Mimic joints of controlled joints, by name.
     frames
         Frames of its links by name.
     wheels
         Wheels that drive the base; None if its velocities are actuated directly.
+    held
+        Positions of the joints that are not controlled, in rad or m, by name; those without an
+        entry are at 0.
+    notes
+        Parts of the description that the model does not follow, a sentence each.
 
     """
 
     tree: Tree
     inertial_parameters: NDArray[np.float64]
     joints: tuple[Joint, ...]
+    moving: tuple[Joint, ...]
+    mimics: Mapping[str, Mimic]
     frames: Mapping[str, Frame]
     wheels: Wheels | None = None
+    held: Mapping[str, float] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
     @property
     def limits(self) -> Limits:
@@ -168,11 +202,12 @@ def tree_robot(
     roller_angles
         Angles of mecanum rollers in rad, see `driving_wheels`.
     joints
-        Names of the controlled joints; empty for all movable joints.
+        Names of the controlled joints in their order, parents first; empty for all movable
+        joints in the order of the file. Mimic joints of controlled joints move with them.
     held
         Positions of joints that are not controlled, in rad or m, by name; default 0.
     armature
-        Rotor inertia of every joint, at the joint, in kg·m² or kg.
+        Rotor inertia of every joint, at the joint, in kg·m² or kg; mimic joints have no rotor.
 
     Raises
     ------
@@ -193,9 +228,20 @@ def tree_robot(
         )
     _check_names(description, [*wheels, *joints, *(held or {})])
     controlled = _controlled(description, where, wheels, joints, held or {})
-    bodies, order, frames, tree = _merged(description, controlled, held or {}, base_frame)
+    mimics, held, mimic_notes = _mimics(description, where, controlled, wheels, held or {})
+    places = controlled, mimics, held
+    ranks = {name: number for number, name in enumerate(description.joints)}
+    bodies, moving, frames, tree = _merged(description, *places, base_frame, ranks)
+    order = [joint for joint in moving if joint.name in controlled]
+    if joints and [joint.name for joint in order] != list(joints):
+        ranks = {**dict.fromkeys(description.joints, -1), **{n: i for i, n in enumerate(joints)}}
+        bodies, moving, frames, tree = _merged(description, *places, base_frame, ranks)
+        order = [joint for joint in moving if joint.name in controlled]
+        _check_order(joints, order)
     # A fixed base does not move, so its inertia has no effect.
-    _check_moments(bodies[base == 'fixed':], description, where)
+    first = int(base == 'fixed')
+    link_notes = _check_links(first, bodies, frames, description, where)
+    _check_moments(bodies[first:], description, where)
     kind, driving = BASES[base], None
     parents, rotations, offsets = tree
     rotor = np.zeros((kind + len(order), kind + len(order)))
@@ -204,8 +250,11 @@ def tree_robot(
         mounts = [_mount(description, where, frames, name) for name in wheels]
         driving = driving_wheels(kind, mounts, where, wheel_radius, roller_angles)
         rotor[:kind, :kind] = driving.inertia(armature)
-    axes = [VECTOR, *(joint.axis for joint in order)]
-    kinds = [PRISMATIC if joint.kind == 'prismatic' else REVOLUTE for joint in order]
+    axes = [VECTOR, *(joint.axis for joint in moving)]
+    kinds = [PRISMATIC if joint.kind == 'prismatic' else REVOLUTE for joint in moving]
+    numbers = {joint.name: number for number, joint in enumerate(order)}
+    ways = [mimics.get(joint.name, Mimic(joint.name, 1.0, 0.0)) for joint in moving]
+    driven = [_with_mimics(joint, moving, mimics) for joint in order]
     return TreeRobot(
         Tree(
             kind,
@@ -215,11 +264,17 @@ def tree_robot(
             np.array(rotations),
             np.array(offsets),
             rotor,
+            np.array([0, *(numbers[way.source] for way in ways)]),
+            np.array([1.0, *(way.multiplier for way in ways)]),
         ),
         np.array([body.inertial_parameters for body in bodies]),
-        tuple(order),
+        tuple(joint for joint, _ in driven),
+        tuple(moving),
+        mimics,
         frames,
         driving,
+        held,
+        (*mimic_notes, *(note for _, notes in driven for note in notes), *link_notes),
     )
 
 
@@ -227,6 +282,112 @@ def _check_names(description: Description, names: Sequence[str]) -> None:
     for name in names:
         if name not in description.joints:
             raise InputError(f"no joint '{name}'; {suggestion(name, tuple(description.joints))}")
+
+
+def _check_order(joints: Sequence[str], order: Sequence[Joint]) -> None:
+    """Raise InputError unless the joints are different and have the order of the tree."""
+    names = [joint.name for joint in order]
+    if names != list(joints):
+        raise InputError(
+            f'robot.joints [{", ".join(joints)}]: expected each joint once, and after the joints'
+            f' that carry it: [{", ".join(names)}]'
+        )
+
+
+def _mimics(
+    description: Description,
+    where: str,
+    controlled: set[str],
+    wheels: Sequence[str],
+    held: Mapping[str, float],
+) -> tuple[dict[str, Mimic], dict[str, float], list[str]]:
+    """
+    Return the mimic joints of controlled ones, the positions of held joints, and notes.
+
+    A mimic joint of a joint that is not controlled is held at the position for it.
+    """
+    mimics, positions, notes = {}, dict(held), []
+    for joint in description.joints.values():
+        if not joint.mimics or joint.kind == 'fixed' or joint.name in held:
+            continue
+        source, multiplier, offset = joint, 1.0, 0.0
+        while source.mimics and source.kind != 'fixed' and source.name not in held:
+            offset += multiplier * source.mimic_offset
+            multiplier *= source.multiplier
+            source = description.joints[source.mimics]
+        if not math.isfinite(multiplier + offset):
+            raise InputError(
+                f"{where}, line {joint.line}: joint '{joint.name}' mimics '{source.name}' with"
+                f' multiplier {multiplier:g} and offset {offset:g}, expected finite numbers'
+            )
+        if source.name in controlled and multiplier:
+            mimics[joint.name] = Mimic(source.name, multiplier, offset)
+            continue
+        at = offset + multiplier * held.get(source.name, 0.0)
+        if at:
+            positions[joint.name] = at
+        if source.name in wheels and multiplier:
+            notes.append(
+                f"'{joint.name}' mimics the wheel '{source.name}', which is not supported: it is"
+                f' kept at {at:g} {_unit(joint)}'
+            )
+    return mimics, positions, notes
+
+
+def _unit(joint: Joint) -> str:
+    return 'm' if joint.kind == 'prismatic' else 'rad'
+
+
+def _with_mimics(
+    joint: Joint, moving: Sequence[Joint], mimics: Mapping[str, Mimic]
+) -> tuple[Joint, list[str]]:
+    """
+    Return a controlled joint with limits and friction of its mimic joints, and notes.
+
+    Its range is that in which all of them are in theirs, and its speed the largest with which
+    none exceeds its own. The drive of the joint alone has an effort limit.
+    """
+    notes, damping, friction = [], joint.damping, joint.friction
+    lower, upper = (joint.lower, joint.upper) if joint.lower < joint.upper else _ENDLESS
+    speed = joint.speed or math.inf
+    unit = _unit(joint)
+    for other in moving:
+        source, multiplier, offset = mimics.get(other.name, ('', 1.0, 0.0))
+        if source != joint.name:
+            continue
+        size = abs(multiplier)
+        damping += multiplier * multiplier * other.damping
+        friction += size * other.friction
+        about = f"mimic joint '{other.name}' limits '{joint.name}'"
+        low, high = sorted((end - offset) / multiplier for end in (other.lower, other.upper))
+        within = max(lower, low), min(upper, high)
+        rounding = _ROUNDED * (high - low)
+        if not low < high or math.isinf(high):
+            pass  # without a range
+        elif not within[0] + rounding < within[1]:
+            notes.append(
+                f"the range of mimic joint '{other.name}', {other.lower:g} to {other.upper:g}"
+                f" {_unit(other)}, leaves none to '{joint.name}' and is ignored"
+            )
+        elif low > lower + rounding or high < upper - rounding:
+            lower, upper = within
+            notes.append(f'{about} to {lower:g} to {upper:g} {unit}')
+        if other.speed and other.speed / size < speed * (1.0 - _ROUNDED):
+            speed = other.speed / size
+            notes.append(f'{about} to {speed:g} {unit}/s')
+        effort = size * other.effort
+        if effort and effort < (joint.effort or math.inf):
+            notes.append(
+                f"the effort limit of mimic joint '{other.name}', which the drive of"
+                f" '{joint.name}' moves, is ignored"
+            )
+    if (lower, upper) == _ENDLESS:
+        lower, upper = joint.lower, joint.upper
+    if math.isinf(speed):
+        speed = joint.speed
+    return replace(
+        joint, lower=lower, upper=upper, speed=speed, damping=damping, friction=friction
+    ), notes
 
 
 def _controlled(
@@ -242,7 +403,7 @@ def _controlled(
         position, lower, upper = held.get(name, 0.0), joint.lower, joint.upper
         for is_wrong, what in (
             (joint.kind == 'fixed', 'does not move'),
-            (joint.mimics and not is_held, f"moves with '{joint.mimics}', which is not supported"),
+            (joint.mimics and not is_held, f"moves with '{joint.mimics}' (<mimic>)"),
             (name in wheels, 'is a wheel'),
             (name in joints and is_held, 'is held'),
             (
@@ -260,31 +421,46 @@ def _controlled(
 
 
 def _merged(
-    description: Description, controlled: set[str], held: Mapping[str, float], base_frame: str
+    description: Description,
+    controlled: set[str],
+    mimics: Mapping[str, Mimic],
+    held: Mapping[str, float],
+    base_frame: str,
+    ranks: Mapping[str, int],
 ) -> tuple[
     list[_Body],
     list[Joint],
     dict[str, Frame],
     tuple[list[int], list[Rotation], list[Vector]],
 ]:
-    """Return bodies, controlled joints in their order, frames of links, and placements."""
-    below: dict[str, list[tuple[int, Joint]]] = {}
+    """
+    Return bodies, their joints, frames of links, and placements.
+
+    `ranks` orders the joints, but a joint always follows its parents.
+    """
+    below: dict[str, list[tuple[int, int, Joint]]] = {}
     for number, joint in enumerate(description.joints.values()):
-        below.setdefault(joint.parent, []).append((number, joint))
+        below.setdefault(joint.parent, []).append((ranks[joint.name], number, joint))
     root = description.root
     frames = {root: Frame(0)}
     bodies = [_Body(root)]
     order: list[Joint] = []
     parents, rotations, offsets = [-1], [ROTATION], [VECTOR]
-    # In the order of the file, but after their parents.
     waiting = list(below.get(root, ()))
     heapq.heapify(waiting)
     while waiting:
-        _, joint = heapq.heappop(waiting)
+        *_, joint = heapq.heappop(waiting)
         above = frames[joint.parent]
         rotation = product(above.rotation, _rotation(joint.origin))
         offset = add(above.offset, rotate(above.rotation, _vector(joint.origin.offset)))
-        if joint.name in controlled:
+        if joint.name not in controlled and joint.kind != 'fixed':
+            mimic = mimics.get(joint.name)
+            angle = mimic.offset if mimic else held.get(joint.name, 0.0)
+            if joint.kind == 'prismatic':
+                offset = add(offset, rotate(rotation, scale(_vector(joint.axis), angle)))
+            else:
+                rotation = product(rotation, turn(_vector(joint.axis), *sin_cos(angle)))
+        if joint.name in controlled or joint.name in mimics:
             frames[joint.child] = Frame(len(bodies))
             bodies.append(_Body(joint.child))
             order.append(joint)
@@ -292,11 +468,6 @@ def _merged(
             rotations.append(rotation)
             offsets.append(offset)
         else:
-            angle = held.get(joint.name, 0.0)
-            if joint.kind == 'prismatic':
-                offset = add(offset, rotate(rotation, scale(_vector(joint.axis), angle)))
-            elif joint.kind != 'fixed':
-                rotation = product(rotation, turn(_vector(joint.axis), *sin_cos(angle)))
             frames[joint.child] = Frame(above.body, rotation, offset)
         for fixed_joint in below.get(joint.child, ()):
             heapq.heappush(waiting, fixed_joint)
@@ -355,7 +526,14 @@ def _vector(values: tuple[float, ...]) -> Vector:
 
 
 def _rotation(pose: Pose) -> Rotation:
-    """Return Rz(yaw) Ry(pitch) Rx(roll)."""
+    """Return Rz(yaw) Ry(pitch) Rx(roll), or the rotation of the quaternion."""
+    if pose.quaternion:
+        x, y, z, w = pose.quaternion
+        return (
+            1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w),
+            2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w),
+            2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y),
+        )  # fmt: skip
     roll, pitch, yaw = pose.angles
     about_z = turn((0.0, 0.0, 1.0), *sin_cos(yaw))
     about_y = turn((0.0, 1.0, 0.0), *sin_cos(pitch))
@@ -381,13 +559,58 @@ def pseudo_inertia(inertial_parameters: Sequence[float]) -> NDArray[np.float64]:
     return np.array([[xx, xy, zx, x], [xy, yy, yz, y], [zx, yz, zz, z], [x, y, z, mass]])
 
 
+def _check_links(
+    first: int,
+    bodies: Sequence[_Body],
+    frames: Mapping[str, Frame],
+    description: Description,
+    where: str,
+) -> list[str]:
+    """
+    Raise InputError for links whose inertia no body has; return notes of possible bodies.
+
+    A link that is merged with others may violate the inequality of the moments of inertia, which
+    is a note, but has no negative moment. Links of bodies before `first` are ignored.
+    """
+    notes = []
+    merged = {frame.body for name, frame in frames.items() if name != bodies[frame.body].link}
+    for name, frame in frames.items():
+        link, body = description.links[name], bodies[frame.body]
+        if frame.body < first or not (link.mass or any(link.inertia)):
+            continue
+        excess, what, expected = _excess(link)
+        xx, yy, zz = body.inertial_parameters[4:7]
+        total = xx + yy + zz
+        # Flat bodies are valid, and decimals are rounded.
+        if excess <= _ROUNDED * total:
+            continue
+        if frame.body not in merged or min(*link.inertia[::3], link.inertia[5]) < 0.0:
+            raise InputError(f"{where}, line {link.line}: link '{name}' has {what}; {expected}")
+        if not excess <= _UNSEEN * total:
+            share = f'{100.0 * excess / total:.2g} % of those of its body'
+            notes.append(f"link '{name}' has {what}, {share} '{body.link}'")
+    return notes
+
+
+def _excess(link: Link) -> tuple[float, str, str]:
+    """Return the size in kg·m² of an inertia that no body has, its description and the remedy."""
+    if not link.mass:
+        largest = max(map(abs, link.inertia))
+        return largest, 'mass 0 with a moment of inertia', 'expected a mass > 0, or no inertia'
+    least = _least(_moments(link))
+    return (
+        -least,
+        f'an inertia that no body has: the least second moment of its mass is {least:.3g} kg·m²',
+        'expected >= 0 (no moment of inertia exceeds the sum of the other two)',
+    )
+
+
 def _check_moments(bodies: Sequence[_Body], description: Description, where: str) -> None:
     """Raise InputError for bodies that cannot exist, with the name of the link."""
     for body in bodies:
         if not any(body.inertial_parameters):
             continue
         least = _least(body.inertial_parameters)
-        # Flat bodies are valid, and decimals are rounded.
         xx, yy, zz = body.inertial_parameters[4:7]
         if not least >= -_ROUNDED * (xx + yy + zz):
             link = description.links[body.link]

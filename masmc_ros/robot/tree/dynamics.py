@@ -6,7 +6,8 @@ Dynamics of a tree of bodies on a base, with only + - x and /, sines and cosines
 
 Motions, wrenches and velocities as in `kinematics.py`: in the base's frame, about its origin.
 `inverse_dynamics` is the form of Slotine and Li (Echeandia and Wensing, arXiv 2010.01033): H a_r +
-C(nu) nu_r + g with Hdot - 2 C skew-symmetric, linear in the inertial parameters.
+C(nu) nu_r + g with Hdot - 2 C skew-symmetric, linear in the inertial parameters. With mimic joints
+H = G' H_f G, where H_f is that of free joints, whose rates are G nu; C and g follow alike.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from __future__ import annotations
 from masmc_ros.aliases import Array, Numbers
 from masmc_ros.jit.arrays import array_of, read_along, read_part, write_along, write_part
 from masmc_ros.jit.compiled import formula, kernel
-from masmc_ros.jit.scratch import lasting, scratch
+from masmc_ros.jit.scratch import clear, lasting, scratch
 from masmc_ros.robot.tree.kinematics import (
     base_motion,
     crossed,
@@ -45,7 +46,16 @@ from masmc_ros.robot.tree.spatial import (
     velocity_map,
     wrench,
 )
-from masmc_ros.robot.tree.tree_model import base_of, bodies_of, parent_of, rotors_begin, TreeModel
+from masmc_ros.robot.tree.tree_model import (
+    base_of,
+    bodies_of,
+    is_coupled,
+    parent_of,
+    rotors_begin,
+    TreeModel,
+    velocities_of,
+    velocity_of,
+)
 import numpy as np
 
 GRAVITY = 9.81
@@ -83,9 +93,9 @@ def write_motions(
     write_part(motion, 0, _ACCELERATION, add(turned, alpha))
     write_part(motion, 0, _ACCELERATION + 3, add(moved, add(a, (0.0, 0.0, gravity))))
     for body in range(1, bodies):
-        k = base + body - 1
-        along = read_part(motion_subspaces, k, 0, VECTOR)
-        across = read_part(motion_subspaces, k, 3, VECTOR)
+        k, row = velocity_of(model, body), base + body - 1
+        along = read_part(motion_subspaces, row, 0, VECTOR)
+        across = read_part(motion_subspaces, row, 3, VECTOR)
         turned, moved = crossed(
             read_part(motion, body, 0, VECTOR),
             read_part(motion, body, 3, VECTOR),
@@ -137,9 +147,11 @@ def write_forces(
 ) -> None:
     """Write H a_r + C(nu) nu_r + g (n) of the motions that `write_motions` writes."""
     motion_subspaces = posture.motion_subspaces
-    bodies, base = bodies_of(model), base_of(model)
-    size, rotors = base + bodies - 1, rotors_begin(model)
+    bodies, base, adds = bodies_of(model), base_of(model), is_coupled(model)
+    size, rotors = velocities_of(model), rotors_begin(model)
     wrenches = scratch(bodies, 6)
+    if adds:
+        clear(forces)
     for body in range(bodies):
         a, c = _reference_field(motion, body)
         moment, force = wrench(a, c, moments_about_base(posture, theta, body))
@@ -148,8 +160,9 @@ def write_forces(
     for body in range(bodies - 1, 0, -1):
         moment = read_part(wrenches, body, 0, VECTOR)
         force = read_part(wrenches, body, 3, VECTOR)
-        forces[base + body - 1] = power(motion_subspaces, base + body - 1, moment, force)
-        parent = parent_of(model, body)
+        k, parent = velocity_of(model, body), parent_of(model, body)
+        own = power(motion_subspaces, base + body - 1, moment, force)
+        forces[k] = forces[k] + own if adds else own
         for i in range(6):
             wrenches[parent, i] += wrenches[body, i]
     moment, force = read_part(wrenches, 0, 0, VECTOR), read_part(wrenches, 0, 3, VECTOR)
@@ -250,7 +263,7 @@ def write_inertia(model: TreeModel, posture: Posture, theta: Array, matrix: Arra
     """Write H (n, n), as `inertia` returns it."""
     motion_subspaces = posture.motion_subspaces
     bodies, base = bodies_of(model), base_of(model)
-    size, rotors = base + bodies - 1, rotors_begin(model)
+    size, rotors = velocities_of(model), rotors_begin(model)
     # Parameters of the bodies, then of composite bodies: each with its subtree.
     inertial_parameters = scratch(bodies, PER_BODY)
     for body in range(bodies):
@@ -258,25 +271,27 @@ def write_inertia(model: TreeModel, posture: Posture, theta: Array, matrix: Arra
     for row in range(size):
         for column in range(size):
             matrix[row, column] = model.numbers[rotors + row * size + column]
-    for row in range(size - 1, -1, -1):
-        body = max(row - base + 1, 0)
+    for subspace in range(base + bodies - 2, -1, -1):
+        body, row = max(subspace - base + 1, 0), subspace
         moment, force = momentum(
             read_part(inertial_parameters, body, 0, MOMENTS),
-            read_part(motion_subspaces, row, 0, VECTOR),
-            read_part(motion_subspaces, row, 3, VECTOR),
+            read_part(motion_subspaces, subspace, 0, VECTOR),
+            read_part(motion_subspaces, subspace, 3, VECTOR),
         )
-        matrix[row, row] += power(motion_subspaces, row, moment, force)
         at = body
         if body > 0:
-            at = parent_of(model, body)
+            row, at = velocity_of(model, body), parent_of(model, body)
             for i in range(PER_BODY):
                 inertial_parameters[at, i] += inertial_parameters[body, i]
+        matrix[row, row] += power(motion_subspaces, subspace, moment, force)
         while at > 0:
-            column = base + at - 1
-            matrix[column, row] += power(motion_subspaces, column, moment, force)
+            column = velocity_of(model, at)
+            shared = power(motion_subspaces, base + at - 1, moment, force)
+            # Of two bodies with one velocity, both entries of their pair are on the diagonal.
+            matrix[column, row] += 2.0 * shared if column == row else shared
             matrix[row, column] = matrix[column, row]
             at = parent_of(model, at)
-        for column in range(min(row, base)):
+        for column in range(min(subspace, base)):
             matrix[column, row] += power(motion_subspaces, column, moment, force)
             matrix[row, column] = matrix[column, row]
 
@@ -288,7 +303,7 @@ def inertia(model: TreeModel, posture: Posture, theta: Numbers) -> Array:
 
     It includes the constant inertia of rotors and wheels.
     """
-    size = len(posture.motion_subspaces)
+    size = velocities_of(model)
     matrix = lasting(theta, size, size)
     write_inertia(model, posture, array_of(theta), matrix)
     return matrix

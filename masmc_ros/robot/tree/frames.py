@@ -35,6 +35,8 @@ class Frames(NamedTuple):
     """(F) one of STANDS, TURNS, SLIDES, BASE."""
     place: NDArray[np.int64]
     """(F) index of the position that moves it."""
+    multiplier: Array
+    """(F) motion per that position, 1 unless its joint mimics another one."""
 
 
 def pose(rotation: Rotation, offset: Sequence[float]) -> Array:
@@ -94,12 +96,12 @@ def transforms(frames: Frames, position: Array) -> Array:
                 out[k, i, 0], out[k, i, 1] = position[k, 0], position[k, 1]
                 out[k, i, 5], out[k, i, 6] = sin_cos(0.5 * position[k, 2])
             elif motion == TURNS:
-                s, c = sin_cos(0.5 * position[k, frames.place[i]])
+                s, c = sin_cos(0.5 * (frames.multiplier[i] * position[k, frames.place[i]]))
                 q = _combined(q, (s * along[0], s * along[1], s * along[2], c))
                 for j in range(4):
                     out[k, i, 3 + j] = q[j]
             elif motion == SLIDES:
-                far = position[k, frames.place[i]]
+                far = frames.multiplier[i] * position[k, frames.place[i]]
                 moved = _turned(q, (far * along[0], far * along[1], far * along[2]))
                 for j in range(3):
                     out[k, i, j] += moved[j]

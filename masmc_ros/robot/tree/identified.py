@@ -45,7 +45,7 @@ def _text(mechanism: TreeMechanism, bodies: Array) -> str:
     robot = mechanism.robot
     own = {} if robot.wheels is None else {joint.child for joint in robot.wheels.joints}
     root = mechanism.frames[0][1]
-    first = {link: number for number, link in enumerate([root, *(j.child for j in robot.joints)])}
+    first = {link: number for number, link in enumerate([root, *(j.child for j in robot.moving)])}
     tree = ElementTree.fromstring(mechanism.text)
     for link in tree.findall('link'):
         name = link.get('name', '')

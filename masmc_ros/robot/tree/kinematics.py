@@ -11,6 +11,10 @@ as moment about it and force. This needs no transformations between bodies. The 
 the base is constant in its own frame, so a base that cannot move sideways needs no constraint
 forces.
 
+A mimic joint has no velocity in nu: its body moves with the rate of the controlled joint times a
+multiplier, which scales its motion subspace. Several bodies then share a velocity, whose force and
+column of a Jacobian are sums over them.
+
 Body 0 is the base, every body comes after its parent. SI units, radians; z of the base is up.
 """
 
@@ -42,11 +46,15 @@ from masmc_ros.robot.tree.tree_model import (
     bodies_of,
     DIFFERENTIAL,
     FIXED,
+    is_coupled,
     joint_of,
+    multiplier_of,
     OMNIDIRECTIONAL,
     parent_of,
     rotation_of_joint,
     TreeModel,
+    velocities_of,
+    velocity_of,
 )
 import numpy as np
 
@@ -64,9 +72,15 @@ class Posture(NamedTuple):
     """
 
     frames: Array
-    """(B, 13) rotation, row by row, origin in m, and position of the joint in rad or m."""
+    """
+    (B, 13) rotation, row by row, and origin in m; then the positions of the controlled joints in
+    rad or m, in rows 1, 2, ...
+    """
     motion_subspaces: Array
-    """(n, 6) motion per velocity: angular velocity, and velocity at the base's origin."""
+    """
+    (base velocities + B - 1, 6) motions of the base and of the bodies in their parents per
+    velocity: angular velocity, and velocity at the base's origin.
+    """
     sine: float
     """Of the base's yaw."""
     cosine: float
@@ -76,9 +90,9 @@ class Posture(NamedTuple):
 
 
 @formula
-def joint_position(posture: Posture, body: int) -> float:
-    """Return the position of a body's joint, in rad or m."""
-    return posture.frames[body, _POSITION]
+def joint_position(posture: Posture, joint: int) -> float:
+    """Return the position of a controlled joint, in rad or m."""
+    return posture.frames[joint + 1, _POSITION]
 
 
 @kernel
@@ -101,9 +115,9 @@ def place(
 
     """
     bodies, base = bodies_of(model), base_of(model)
-    size, wide = base + bodies - 1, _POSITION + 1
-    buffer = lasting(position, bodies * wide + size * 6)
-    frames, motion_subspaces = split_buffer(buffer, bodies, wide, size, 6)
+    rows, wide = base + bodies - 1, _POSITION + 1
+    buffer = lasting(position, bodies * wide + rows * 6)
+    frames, motion_subspaces = split_buffer(buffer, bodies, wide, rows, 6)
     write_part(frames, 0, 0, ROTATION)
     write_part(frames, 0, ORIGIN, VECTOR)
     for k in range(base):
@@ -113,15 +127,16 @@ def place(
         motion_subspaces[0, 3], motion_subspaces[base - 1, 2] = 1.0, 1.0
         if base == OMNIDIRECTIONAL:
             motion_subspaces[1, 4] = 1.0
-    angles = array_of(position)
+    angles, driven = array_of(position), first - base
     sines, cosines = scratch(padded(bodies - 1)), scratch(padded(bodies - 1))
     for body in range(1, bodies):
         turns, _, _ = joint_of(model, body)
-        sines[body - 1] = angles[first + body - 1] if turns else 0.0
+        value = multiplier_of(model, body) * angles[driven + velocity_of(model, body)]
+        sines[body - 1] = value if turns else 0.0
     write_sines_and_cosines(sines, bodies - 1, cosines)
     for body in range(1, bodies):
         turns, axis, offset = joint_of(model, body)
-        parent, value = parent_of(model, body), angles[first + body - 1]
+        parent, value = parent_of(model, body), angles[driven + velocity_of(model, body)]
         above = read_part(frames, parent, 0, ROTATION)
         origin = add(read_part(frames, parent, ORIGIN, VECTOR), rotate(above, offset))
         along = rotate(above, axis)
@@ -137,7 +152,8 @@ def place(
         own = product(above, rotation_of_joint(model, body, s, c))
         write_part(frames, body, 0, own)
         write_part(frames, body, ORIGIN, origin)
-        frames[body, _POSITION] = value
+    for k in range(base, velocities_of(model)):
+        frames[k - base + 1, _POSITION] = angles[driven + k]
     s, c = sin_cos(yaw)
     return Posture(frames, motion_subspaces, s, c, x, y)
 
@@ -176,9 +192,9 @@ def write_velocity(
     if body == 0:
         w, v = base_motion(base, rates)
     else:
-        k = base + body - 1
-        sw = scale(read_part(motion_subspaces, k, 0, VECTOR), rates[k])
-        sv = scale(read_part(motion_subspaces, k, 3, VECTOR), rates[k])
+        row, rate = base + body - 1, rates[velocity_of(model, body)]
+        sw = scale(read_part(motion_subspaces, row, 0, VECTOR), rate)
+        sv = scale(read_part(motion_subspaces, row, 3, VECTOR), rate)
         w, v = sum_of(motion, parent_of(model, body), first, sw, sv)
     write_part(motion, body, first, w)
     write_part(motion, body, first + 3, v)
@@ -196,10 +212,10 @@ def velocities(
 
 
 @formula
-def power(motion_subspaces: Array, k: int, moment: Vector, force: Vector) -> float:
-    """Return the power of a wrench per velocity k."""
-    return inner(read_part(motion_subspaces, k, 0, VECTOR), moment) + inner(
-        read_part(motion_subspaces, k, 3, VECTOR), force
+def power(motion_subspaces: Array, row: int, moment: Vector, force: Vector) -> float:
+    """Return the power of a wrench in a row of motion subspaces, per velocity."""
+    return inner(read_part(motion_subspaces, row, 0, VECTOR), moment) + inner(
+        read_part(motion_subspaces, row, 3, VECTOR), force
     )
 
 
@@ -217,12 +233,30 @@ def _tip(posture: Posture, body: int, point: Vector) -> Vector:
 
 
 @formula
-def towards_base(model: TreeModel, base: int, k: int) -> int:
-    """Return the next velocity on the way from velocity k to the world; -1 at its end."""
-    if k < base:
-        return k - 1
-    at = parent_of(model, k - base + 1)
+def towards_base(model: TreeModel, base: int, row: int) -> int:
+    """Return the next row of motion subspaces on the way to the world; -1 at its end."""
+    if row < base:
+        return row - 1
+    at = parent_of(model, row - base + 1)
     return base + at - 1
+
+
+@formula
+def _velocity_of_row(model: TreeModel, base: int, row: int) -> int:
+    """Return the index of the velocity of a row of motion subspaces."""
+    return row if row < base else velocity_of(model, row - base + 1)
+
+
+@formula
+def _put_column(
+    columns: Array, k: int, linear: Vector, angular: Vector, adds: bool
+) -> None:
+    """Write the motion per velocity k, or add it to that of other bodies with this velocity."""
+    if adds:
+        linear = add(read_part(columns, k, 0, VECTOR), linear)
+        angular = add(read_part(columns, k, 3, VECTOR), angular)
+    write_part(columns, k, 0, linear)
+    write_part(columns, k, 3, angular)
 
 
 @kernel
@@ -258,7 +292,7 @@ def point_jacobian(model: TreeModel, posture: Posture, body: int, point: Vector)
         its columns (n, 6): per velocity, that of the point and the body's angular velocity.
 
     """
-    columns = np.empty((len(posture.motion_subspaces), 6))
+    columns = np.empty((velocities_of(model), 6))
     write_jacobian(model, posture, body, point, columns)
     return columns
 
@@ -269,15 +303,15 @@ def write_jacobian(
 ) -> None:
     """Write the result of `point_jacobian`."""
     motion_subspaces = posture.motion_subspaces
-    base, world = base_of(model), to_world(posture)
+    base, world, adds = base_of(model), to_world(posture), is_coupled(model)
     clear(columns)
-    tip, k = _tip(posture, body, point), base + body - 1
-    while k >= 0:
-        w = read_part(motion_subspaces, k, 0, VECTOR)
-        v = add(read_part(motion_subspaces, k, 3, VECTOR), cross(w, tip))
-        write_part(columns, k, 0, rotate(world, v))
-        write_part(columns, k, 3, rotate(world, w))
-        k = towards_base(model, base, k)
+    tip, row = _tip(posture, body, point), base + body - 1
+    while row >= 0:
+        w = read_part(motion_subspaces, row, 0, VECTOR)
+        v = add(read_part(motion_subspaces, row, 3, VECTOR), cross(w, tip))
+        k = _velocity_of_row(model, base, row)
+        _put_column(columns, k, rotate(world, v), rotate(world, w), adds)
+        row = towards_base(model, base, row)
 
 
 @kernel
@@ -285,7 +319,7 @@ def point_jacobian_rate(
     model: TreeModel, posture: Posture, velocity: Array, body: int, point: Vector
 ) -> Array:
     """Return the time derivative of `point_jacobian` at velocities nu (n)."""
-    columns = np.empty((len(posture.motion_subspaces), 6))
+    columns = np.empty((velocities_of(model), 6))
     write_jacobian_rate(model, posture, velocity, body, point, columns)
     return columns
 
@@ -296,26 +330,26 @@ def write_jacobian_rate(
 ) -> None:
     """Write the result of `point_jacobian_rate`."""
     motion_subspaces = posture.motion_subspaces
-    base, world = base_of(model), to_world(posture)
+    base, world, adds = base_of(model), to_world(posture), is_coupled(model)
     clear(columns)
     moved = scratch(bodies_of(model), 6)
     velocities(model, posture, velocity, moved, 0)
-    tip, k = _tip(posture, body, point), base + body - 1
+    tip, row = _tip(posture, body, point), base + body - 1
     w, v = read_part(moved, body, 0, VECTOR), read_part(moved, body, 3, VECTOR)
     speed = add(v, cross(w, tip))
-    while k >= 0:
-        at = max(k - base + 1, 0)
-        motion_subspace = read_part(motion_subspaces, k, 0, VECTOR)
+    while row >= 0:
+        at = max(row - base + 1, 0)
+        motion_subspace = read_part(motion_subspaces, row, 0, VECTOR)
         turned, carried = crossed(
             read_part(moved, at, 0, VECTOR),
             read_part(moved, at, 3, VECTOR),
             motion_subspace,
-            read_part(motion_subspaces, k, 3, VECTOR),
+            read_part(motion_subspaces, row, 3, VECTOR),
         )
         change = add(add(carried, cross(turned, tip)), cross(motion_subspace, speed))
-        write_part(columns, k, 0, rotate(world, change))
-        write_part(columns, k, 3, rotate(world, turned))
-        k = towards_base(model, base, k)
+        k = _velocity_of_row(model, base, row)
+        _put_column(columns, k, rotate(world, change), rotate(world, turned), adds)
+        row = towards_base(model, base, row)
 
 
 @kernel
@@ -333,7 +367,8 @@ def add_point_forces(
     base, world = base_of(model), to_world(posture)
     f = rotate_back(world, force)
     about = add(rotate_back(world, moment), cross(_tip(posture, body, point), f))
-    k = base + body - 1
-    while k >= 0:
-        generalised[k] += power(motion_subspaces, k, about, f)
-        k = towards_base(model, base, k)
+    row = base + body - 1
+    while row >= 0:
+        k = _velocity_of_row(model, base, row)
+        generalised[k] += power(motion_subspaces, row, about, f)
+        row = towards_base(model, base, row)

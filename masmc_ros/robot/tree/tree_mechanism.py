@@ -5,13 +5,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+import copyreg
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from types import SimpleNamespace
+from typing import Any
 import xml.etree.ElementTree as ElementTree
 
-from masmc_ros.aliases import Array
+from masmc_ros.aliases import Array, Flags
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.jit.record import AT_RUN_TIME
 from masmc_ros.jit.tuples import LONGEST
@@ -48,6 +50,14 @@ from masmc_ros.robot.tree.frames import (
     transforms,
     TURNS,
     world_of,
+)
+from masmc_ros.robot.tree.postures import (
+    gravity_torques,
+    largest_gravity_torques,
+    least_pivot,
+    placed,
+    reach,
+    task_jacobian,
 )
 from masmc_ros.robot.tree.spatial import PER_BODY, rotate, transpose
 from masmc_ros.robot.tree.task.outputs import Task, task_of, TaskRobot
@@ -190,12 +200,13 @@ class TreeMechanism(Mechanism):
 
     robot: TreeRobot
     model: Array
-    """Numbers for the formulas: see `model.py`."""
+    """Numbers for the formulas: see `tree_model.py`."""
     description: Description
     text: str
     """The URDF."""
     friction: Array
     """Coefficients of all joints, viscous ones first; none without friction."""
+    task: Task
     tips: tuple[str, ...]
     """Links of the task; the tip of the robot for tasks of joints."""
     held: Mapping[str, float]
@@ -223,6 +234,89 @@ class TreeMechanism(Mechanism):
             'upper': np.concatenate([np.full(free, np.inf), limits.upper]),
             'speed': _speed_limits(self.robot, self.joints, self.speed_settings),
         }
+
+    def at_range_ends(self, position: Array) -> Flags:
+        """Return True (n, joints) for joints whose mobility is below `robot.least_pivot`."""
+        limits, values = self.joint_limits, self.made_of
+        d, has_margin = _inside(limits, values, position)
+        share = np.minimum(1.0, limits['speed']**2) * (d * d * (3.0 - 2.0 * d))
+        stops: Flags = has_margin & (d < 1.0) & (share <= values['robot.least_pivot'])
+        return stops
+
+    def least_pivots(self, position: Array) -> Array:
+        """Return the measure of singularity (n) of the task at positions (n, joints)."""
+        arm = position[:, -len(self.robot.joints):]
+        speeds = self.joint_limits['speed'][-len(self.robot.joints):]
+        frames = [self.robot.frames[link] for link in self.task.frames]
+        columns = task_jacobian(
+            self.robot, placed(self.robot, arm), frames, self.task.places
+        )
+        return least_pivot(columns, mobility(self.robot, self.made_of, arm, speeds))
+
+    def details(self, start: Array) -> Mapping[str, Any]:
+        """Return tip, joints that are not controlled, friction, mass, reach and gravity."""
+        robot, arm = self.robot, start[-len(self.robot.joints):]
+        controlled = {joint.name for joint in self.joints}
+        others = [
+            joint
+            for joint in self.description.joints.values()
+            if joint.kind != 'fixed' and joint.name not in controlled
+        ]
+        held = [
+            {
+                'name': joint.name,
+                'unit': 'm' if joint.kind == 'prismatic' else 'rad',
+                'position': self.held.get(joint.name, 0.0),
+                # On the robot such joints, of castors for example, turn freely.
+                'is_free': joint.kind == 'continuous' and not 0.0 < joint.effort < np.inf,
+            }
+            for joint in others
+            if not joint.mimics
+        ]
+        gravity = gravity_torques(robot, placed(robot, arm[None]))[0]
+        largest = np.maximum(np.abs(gravity), largest_gravity_torques(robot, arm))
+        no_drives = [None] * (len(self.joints) - len(arm))
+        return {
+            'tip': self.tips[0],
+            'held': held,
+            'mimic': [
+                {'name': joint.name, 'mimics': joint.mimics, 'multiplier': joint.multiplier,
+                 'offset': joint.mimic_offset}
+                for joint in others if joint.mimics
+            ],
+            'friction': self.made_of['robot.friction'],
+            'total_mass': float(robot.inertial_parameters[:, 0].sum()),
+            'reach': reach(robot, self.tips[0], arm),
+            'gravity': [*no_drives, *gravity.tolist()],
+            'largest_gravity': [*no_drives, *largest.tolist()],
+        }  # fmt: skip
+
+    def start_warnings(self, start: Array, torque_limits: Sequence[float]) -> list[str]:
+        """Return warnings of ranges, of a singular task, and of limits below gravity."""
+        texts = super().start_warnings(start, torque_limits)
+        count = len(self.robot.joints)
+        torques = gravity_torques(self.robot, placed(self.robot, start[None, -count:]))[0]
+        weak = [
+            f'{joint.name} needs {abs(torque):.3g} {joint.effort_unit}, limit {limit:g}'
+            f' {joint.effort_unit}'
+            for joint, torque, limit in zip(
+                self.joints[-count:], torques, torque_limits[-count:], strict=True
+            )
+            if 0.0 < limit < abs(torque)
+        ]
+        if weak:
+            texts.append(f'limit below gravity at the start: {"; ".join(weak)}')
+        is_at_end = self.at_range_ends(start[None])[0]
+        if self.task.frames and not texts and not is_at_end.any():
+            pivot = float(self.least_pivots(start[None])[0])
+            if not pivot > self.made_of['robot.least_pivot']:
+                texts.append(
+                    f'the start is singular for the task: its smallest pivot is {pivot:.2g},'
+                    f' expected more than robot.least_pivot = '
+                    f'{self.made_of["robot.least_pivot"]:g}; choose another plant.initial_joints'
+                    ' or robot.task'
+                )
+        return texts
 
     @cached_property
     def tag(self) -> str:
@@ -287,12 +381,14 @@ class TreeMechanism(Mechanism):
     def _frames(self) -> Frames:
         """Poses of the frames, and the positions that move them."""
         places = {joint.name: len(self.base) + i for i, joint in enumerate(self.joints)}
+        mimics = self.robot.mimics
         below = {joint.child: joint for joint in self.description.joints.values()}
         origin = np.zeros((len(self.frames), 7))
         origin[:, 6] = 1.0
         axis = np.zeros((len(self.frames), 3))
         motion = np.full(len(self.frames), STANDS)
         place = np.zeros(len(self.frames), np.int64)
+        multiplier = np.ones(len(self.frames))
         motion[0] = BASE
         for i, (parent, child) in enumerate(self.frames[1:], 1):
             joint = below.get(child)
@@ -303,11 +399,14 @@ class TreeMechanism(Mechanism):
                 back = transpose(rotation)
                 origin[i] = pose(back, tuple(-value for value in rotate(back, offset)))
                 continue
-            origin[i] = pose(*joint_pose(joint, self.held.get(joint.name, 0.0)))
-            if joint.name in places:
-                axis[i], place[i] = joint.axis, places[joint.name]
+            source, multiplier[i], at = mimics.get(
+                joint.name, (joint.name, 1.0, self.held.get(joint.name, 0.0))
+            )
+            origin[i] = pose(*joint_pose(joint, at))
+            if source in places:
+                axis[i], place[i] = joint.axis, places[source]
                 motion[i] = SLIDES if joint.kind == 'prismatic' else TURNS
-        return Frames(origin, axis, motion, place)
+        return Frames(origin, axis, motion, place, multiplier)
 
     def _frame_origins(self, lengths: Array) -> Array:
         """Return the positions of the frames in their parents with all joints at zero."""
@@ -359,6 +458,54 @@ class TreeMechanism(Mechanism):
         return Outline((float(origin[0]), float(origin[1])), shapes, below=0.4, text=0.1)
 
 
+def _pickled(
+    mechanism: TreeMechanism,
+) -> tuple[Callable[..., TreeMechanism], tuple[Values]]:
+    return tree_mechanism, (mechanism.choice,)
+
+
+copyreg.pickle(TreeMechanism, _pickled)
+
+
+def _inside(limits: Mapping[str, Array], values: Values, position: Array) -> tuple[Array, Flags]:
+    """Return distances of positions to the ends as shares of the margins, 0 to 1, and margins."""
+    lower, upper = limits['lower'], limits['upper']
+    with np.errstate(invalid='ignore'):
+        margin = values['robot.limit_margin'] * (upper - lower)
+    margin = np.where(np.isfinite(margin), margin, 0.0)
+    inside = np.minimum(position - lower, upper - position) / np.where(margin, margin, 1.0)
+    return np.where(margin > 0.0, np.clip(inside, 0.0, 1.0), 1.0), margin > 0.0
+
+
+def mobility(
+    robot: TreeRobot, values: Values, position: Array, speeds: Array | None = None
+) -> Array:
+    """
+    Return W^-1 (m, velocities) at positions of the controlled joints, as laws use it.
+
+    Parameters
+    ----------
+    robot
+        Robot with its limits.
+    values
+        Values of PARAMETERS.
+    position
+        (m, joints) in rad or m.
+    speeds
+        Speed limits (joints) in rad/s or m/s; None for those of the URDF.
+
+    """
+    base, count = robot.tree.base, len(robot.joints)
+    own = robot.limits.speed[-count:]
+    speeds = np.where(own > 0.0, own, np.inf) if speeds is None else speeds
+    ends = {'lower': robot.limits.lower[-count:], 'upper': robot.limits.upper[-count:]}
+    d, _ = _inside(ends, values, position)
+    shares = np.empty((len(position), base + count))
+    shares[:, :base] = values['robot.base_mobility']
+    shares[:, base:] = np.minimum(1.0, speeds**2) * (d * d * (3.0 - 2.0 * d))
+    return shares
+
+
 def _as_many(values: Sequence[float], count: int, name: str) -> Array:
     """Return one value per joint, from as many values or from one for all."""
     if len(values) not in (1, count):
@@ -382,11 +529,22 @@ def tree_mechanism(values: Values) -> TreeMechanism:
     Raises InputError if they do not describe a robot.
     """
     own = tuple(p.check(values.get(p.name, p.default)) for p in _DESCRIBING)
-    return _made(values[URDF], own)
+    return _made(values[URDF], own, _version_of(values[URDF]))
+
+
+def _version_of(urdf: str) -> tuple[int, ...]:
+    """Return numbers of the file of a URDF that change with the file or its content."""
+    if urdf.lstrip().startswith('<'):
+        return ()
+    try:
+        status = resource_path(urdf).stat()
+    except OSError:
+        return ()
+    return status.st_dev, status.st_ino, status.st_mtime_ns, status.st_size
 
 
 @lru_cache(maxsize=16)
-def _made(urdf: str, own: tuple[Value, ...]) -> TreeMechanism:
+def _made(urdf: str, own: tuple[Value, ...], version: tuple[int, ...]) -> TreeMechanism:
     values: MutableValues = {p.name: value for p, value in zip(_DESCRIBING, own, strict=True)}
     text, description, where = described(urdf)
     names, wheels = values['robot.held_joints'], values['robot.wheels']
@@ -394,6 +552,7 @@ def _made(urdf: str, own: tuple[Value, ...]) -> TreeMechanism:
     held = dict(zip(names, angles.tolist(), strict=True))
     if len(held) < len(names):
         raise InputError(f'robot.held_joints {list(names)}: expected different names')
+    _check_number(wheels, values)
     rollers = _as_many(values['robot.roller_angles'], len(wheels), 'robot.roller_angles')
     robot = tree_robot(
         description,
@@ -409,31 +568,18 @@ def _made(urdf: str, own: tuple[Value, ...]) -> TreeMechanism:
     )
     if not robot.joints:
         raise InputError(f'{where}: no joint that can be controlled; expected one at least')
+    _check_masses(robot, where)
     if not values['robot.armature']:
         _check_inertia(robot, where)
+    _check_reserved(description, where)
     base = values['robot.base']
     root = values['robot.base_frame'] or description.root
-    tip = values['robot.tip_frame'] or robot.joints[-1].child
-    if tip not in robot.frames:
-        raise InputError(
-            f"robot.tip_frame: no link '{tip}'; {suggestion(tip, tuple(robot.frames))}"
-        )
+    tip = _tip(robot, values)
     driven = () if robot.wheels is None else robot.wheels.joints
-    if len(driven) > robot.tree.base:
-        raise InputError(
-            f'robot.wheels: {len(driven)} for {robot.tree.base} rates of the base, which is not'
-            ' supported; leave them out, and share the forces on the base out to the wheels'
-        )
     drives = tuple(Coordinate(j.name, j.name, j.name) for j in driven) or _DRIVES[base]
-    arm = tuple(
-        Coordinate(j.name, j.name, j.name, 'm' if j.kind == 'prismatic' else 'rad')
-        for j in robot.joints
-    )
-    task = task_of(
-        values['robot.task'],
-        TaskRobot(tuple(robot.frames), arm, tip, root, goes_sideways=base != 'differential'),
-    )
-    bodies = [root, *(j.child for j in robot.joints)]
+    arm = _coordinates(robot)
+    task = task_in(robot, description, values, values['robot.task'])
+    bodies = [root, *(j.child for j in robot.moving)]
     limited = _speed_limits(robot, (*drives, *arm), values[SPEED_LIMITS.name])
     model = _model(robot, task, values, limited)
     joints = len(drives) + len(arm)
@@ -487,22 +633,90 @@ def _made(urdf: str, own: tuple[Value, ...]) -> TreeMechanism:
         description=description,
         text=text,
         friction=friction,
+        task=task,
         tips=tips,
-        held=held,
+        held=robot.held,
+        notes=robot.notes,
         made_of={URDF: urdf, **values},
     )
     register(mechanism)
     return mechanism
 
 
+def _tip(robot: TreeRobot, values: Values) -> str:
+    """Return the link of the tip; InputError for an unknown name."""
+    tip: str = values['robot.tip_frame'] or robot.joints[-1].child
+    if tip not in robot.frames:
+        raise InputError(
+            f"robot.tip_frame: no link '{tip}'; {suggestion(tip, tuple(robot.frames))}"
+        )
+    return tip
+
+
+def _coordinates(robot: TreeRobot) -> tuple[Coordinate, ...]:
+    """Return the controlled joints, without wheels."""
+    return tuple(
+        Coordinate(j.name, j.name, j.name, 'm' if j.kind == 'prismatic' else 'rad')
+        for j in robot.joints
+    )
+
+
+def task_in(
+    robot: TreeRobot, description: Description, values: Values, texts: Sequence[str]
+) -> Task:
+    """Return the task of outputs `texts` for values of PARAMETERS; may raise InputError."""
+    goes_sideways = values['robot.base'] != 'differential'
+    root = values['robot.base_frame'] or description.root
+    arm, tip = _coordinates(robot), _tip(robot, values)
+    return task_of(texts, TaskRobot(tuple(robot.frames), arm, tip, root, goes_sideways))
+
+
+def _check_masses(robot: TreeRobot, where: str) -> None:
+    """Raise InputError if no moving body has a mass."""
+    moving = robot.inertial_parameters[robot.tree.base == BASES['fixed']:]
+    if not moving[:, 0].any():
+        raise InputError(
+            f'{where}: no link that moves has a mass; expected an <inertial> in the links of'
+            f" joint '{robot.joints[0].name}' and of those after it"
+        )
+
+
+def _check_number(wheels: Sequence[str], values: Values) -> None:
+    """Raise InputError for more wheels than the base has velocities."""
+    rates = BASES[values['robot.base']]
+    if 0 < rates < len(wheels):
+        arm = '' if values['robot.joints'] else (
+            '; name the joints of the arm in robot.joints, or else the wheels are joints of it too'
+        )  # fmt: skip
+        raise InputError(
+            f'robot.wheels: {len(wheels)} for {rates} velocities of the base, which is not'
+            ' supported; leave robot.wheels out and set robot.base to omnidirectional, which is'
+            f' driven directly by two forces and a torque{arm}'
+        )
+
+
+def _check_reserved(description: Description, where: str) -> None:
+    """Raise InputError for movable joints with the names of the coordinates of a base."""
+    reserved = {joint.name for joint in (*_POSE, *_DRIVES['omnidirectional'])}
+    for joint in description.joints.values():
+        if joint.name in reserved and joint.kind != 'fixed':
+            raise InputError(
+                f"{where}, line {joint.line}: joint '{joint.name}': this name is reserved for"
+                ' the base; rename the joint in the URDF'
+            )
+
+
 def _check_inertia(robot: TreeRobot, where: str) -> None:
-    """Raise InputError if the last joint of a branch moves no inertia."""
-    for number, joint in enumerate(robot.joints, 1):
-        if number in robot.tree.parent:
-            continue
+    """Raise InputError if a joint that moves only ends of branches moves no inertia."""
+    moves_inertia = set()
+    for number, joint in enumerate(robot.moving, 1):
         p, axis = pseudo_inertia(robot.inertial_parameters[number]), np.array(joint.axis)
         around = np.trace(p[:3, :3]) - axis @ p[:3, :3] @ axis
-        if not (p[3, 3] if joint.kind == 'prismatic' else around) > 0.0:
+        own = p[3, 3] if joint.kind == 'prismatic' else around
+        if own > 0.0 or number in robot.tree.parent:
+            moves_inertia.add(robot.tree.driver[number])
+    for number, joint in enumerate(robot.joints):
+        if number not in moves_inertia:
             raise InputError(
                 f"{where}, line {joint.line}: joint '{joint.name}': the links that it moves have"
                 ' no inertia, expected an <inertial> or robot.armature > 0'

@@ -40,11 +40,18 @@ class Tree(NamedTuple):
     axis: NDArray[np.float64]
     """(B, 3) unit axis in the body's frame."""
     rotation: NDArray[np.float64]
-    """(B, 9) of each body's frame in its parent's, with the joint at zero."""
+    """(B, 9) of each body's frame in its parent's, with the controlled joint at zero."""
     offset: NDArray[np.float64]
-    """(B, 3) of each body's origin in its parent's frame, with the joint at zero, in m."""
+    """(B, 3) of each body's origin in its parent's frame, likewise, in m."""
     armature: NDArray[np.float64]
     """(n, n) constant inertia of rotors and wheels in velocities nu, in kg, kg·m and kg·m²."""
+    driver: NDArray[np.int64]
+    """
+    (B) index of the controlled joint that moves each body; that of the base is not read. The
+    controlled joints have the order of their bodies.
+    """
+    multiplier: NDArray[np.float64]
+    """(B) rate of each body's joint per rate of that controlled joint, 1 unless it mimics it."""
 
 
 class TreeModel(NamedTuple):
@@ -59,10 +66,10 @@ class TreeModel(NamedTuple):
 DAMPED_TIME = 0.5
 """Inverse of the speed in rad/s or m/s above which a robot with speed limits is damped."""
 
-AXIS_COUNT, AXES = 8, 9
+AXIS_COUNT, AXES = 9, 10
 """Places of the number of task axes and of their indices."""
 
-_BODY = 35
+_BODY = 37
 _FRAME = 13
 
 
@@ -118,12 +125,16 @@ def packed(
 
     """
     wheels = np.asarray(wheel_rates, dtype=np.float64).reshape(tree.base, tree.base)
-    speeds = np.full(tree.base + len(tree.parent) - 1, np.inf)
+    speeds = np.full(len(tree.armature), np.inf)
     speeds[:] = np.inf if speed_limits is None else speed_limits
-    bodies = np.column_stack([tree.parent, tree.kind, *_turned(tree), tree.offset])
+    axes_above, *turned = _turned(tree)
+    bodies = np.column_stack([
+        tree.parent, tree.kind, tree.base + tree.driver, tree.multiplier,
+        tree.multiplier[:, None] * axes_above, *turned, tree.offset,
+    ])  # fmt: skip
     parts: tuple[ArrayLike, ...] = (
         (len(tree.parent), tree.base, len(frames), posture_gain, damping, least_pivot,
-         drift_rate, DAMPED_TIME if np.isfinite(speeds).any() else 0.0, len(axes)),
+         drift_rate, DAMPED_TIME if np.isfinite(speeds).any() else 0.0, len(speeds), len(axes)),
         axes, bodies, mobility, posture, wheels,
         np.linalg.inv(wheels) if len(wheels) else wheels, tree.armature, *limits,
         1.0 / speeds,
@@ -179,6 +190,18 @@ def base_of(model: TreeModel) -> int:
 
 
 @formula
+def velocities_of(model: TreeModel) -> int:
+    """Return the number of velocities nu."""
+    return int(model.numbers[8])
+
+
+@formula
+def is_coupled(model: TreeModel) -> bool:
+    """Return True if joints mimic others, so that a velocity moves several bodies."""
+    return velocities_of(model) < base_of(model) + bodies_of(model) - 1
+
+
+@formula
 def frames_of(model: TreeModel) -> int:
     """Return the number of frames in the task."""
     return int(model.numbers[2])
@@ -226,12 +249,28 @@ def parent_of(model: TreeModel, body: int) -> int:
 
 
 @formula
+def velocity_of(model: TreeModel, body: int) -> int:
+    """Return the index of the velocity that moves a body, other than the base, in its parent."""
+    return int(model.numbers[_body_start(model, body) + 2])
+
+
+@formula
+def multiplier_of(model: TreeModel, body: int) -> float:
+    """Return the rate of a body's joint per rate of the controlled joint that moves it."""
+    return model.numbers[_body_start(model, body) + 3]
+
+
+@formula
 def joint_of(model: TreeModel, body: int) -> tuple[bool, Vector, Vector]:
-    """Return whether a body's joint is revolute, its axis, and the body's origin in its parent."""
+    """
+    Return True for a body's revolute joint, its axis, and the body's origin in its parent.
+
+    The axis has the length of the multiplier.
+    """
     numbers = model.numbers
     first = _body_start(model, body)
-    axis: Vector = read_along(numbers, first + 2, VECTOR)
-    offset: Vector = read_along(numbers, first + 32, VECTOR)
+    axis: Vector = read_along(numbers, first + 4, VECTOR)
+    offset: Vector = read_along(numbers, first + 34, VECTOR)
     return numbers[first + 1] == REVOLUTE, axis, offset
 
 
@@ -239,7 +278,7 @@ def joint_of(model: TreeModel, body: int) -> tuple[bool, Vector, Vector]:
 def rotation_of_joint(model: TreeModel, body: int, sine: float, cosine: float) -> Rotation:
     """Return a body's rotation in its parent's frame, of sine and cosine of the joint's angle."""
     numbers = model.numbers
-    first = _body_start(model, body) + 5
+    first = _body_start(model, body) + 7
     around: Rotation = read_along(numbers, first, ROTATION)
     along: Rotation = read_along(numbers, first + 9, ROTATION)
     across: Rotation = read_along(numbers, first + 18, ROTATION)
@@ -256,8 +295,7 @@ def _turned_entry(
 @formula
 def _after_bodies(model: TreeModel) -> tuple[int, int, int]:
     """Return the start of the mobility, the number of velocities, and that of the base's."""
-    bodies, base = bodies_of(model), base_of(model)
-    return _body_start(model, bodies), base + bodies - 1, base
+    return _body_start(model, bodies_of(model)), velocities_of(model), base_of(model)
 
 
 @formula

@@ -157,15 +157,17 @@ def driving_wheels(
         if abs(x) + abs(x_left) + abs(y + y_left) > _TOLERANCE or y >= 0.0:
             raise InputError(
                 f'{where}: wheels at {right} and {left}; expected the base frame in the middle'
-                ' between them, the right one at negative y'
+                ' between them, the right one at negative y; if it is elsewhere, add a link there'
+                ' by a fixed joint, and name it in robot.base_frame'
             )
     height = mounts[0].centre[2]
+    missing = ''
     if radius <= 0.0 and height <= 0.0:
-        raise InputError(
-            f'{where}: robot.wheel_radius: the axles are {height} m above the base frame, which'
-            ' is not on the ground; expected the radius in m'
+        missing = (
+            f'robot.wheel_radius: the axles are {height} m above the base frame, which is not on'
+            ' the ground; expected the radius in m'
         )
-    radius = radius if radius > 0.0 else height
+    radius = radius if radius > 0.0 else height or 1.0
     matrix = np.array(
         [
             _row(mount, _slope(angle), radius)
@@ -174,11 +176,19 @@ def driving_wheels(
     )
     if base == DIFFERENTIAL:
         matrix = np.ascontiguousarray(matrix[:, ::2])
+    try:
+        inverse = _inverse(matrix, f'robot.wheels {names}')
+    except InputError as error:
+        place = where if missing else f'{where}, line {mounts[0].joint.line}'
+        missing = '; '.join(filter(None, (missing, str(error))))
+        raise InputError(f'{place}: {missing}') from None
+    if missing:
+        raise InputError(f'{where}: {missing}')
     return Wheels(
         tuple(mount.joint for mount in mounts),
         radius,
         matrix,
-        _inverse(matrix, f'{where}, line {mounts[0].joint.line}: robot.wheels {names}'),
+        inverse,
         np.array([mount.spin for mount in mounts]),
     )
 

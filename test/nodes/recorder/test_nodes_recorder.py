@@ -42,7 +42,12 @@ from nav_msgs.msg import Odometry
 import numpy as np
 import pytest
 from rclpy.duration import Duration
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import (
+    DurabilityPolicy,
+    qos_profile_sensor_data,
+    QoSProfile,
+    ReliabilityPolicy,
+)
 from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header
@@ -295,6 +300,30 @@ def test_recorder_extra_topics_of_any_qos_recorded(tmp_path: Path) -> None:
         offered = channels[f'/{name}'].metadata['offered_qos_profiles']
         assert f'reliability: {qos.reliability.name.lower()}' in offered
         assert f'durability: {qos.durability.name.lower()}' in offered
+
+
+def test_recorder_best_effort_states_recorded_once(tmp_path: Path) -> None:
+    """States of a driver with the profile of sensor data; another sender is reliable."""
+    log = tmp_path / 'run.mcap'
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        driver = tester.node.create_publisher(JointState, 'joint_states', qos_profile_sensor_data)
+        reliable = tester.publisher(JointState, 'joint_states')
+        recorder = started.start('recorder', *ros_arguments(None, output=log, compression='none'))
+        tester.wait_for_subscribers(driver)
+        tester.wait_for_subscribers(reliable, 2)
+
+        def are_recorded() -> bool:
+            for frame, sender in (('driver', driver), ('reliable', reliable)):
+                message = JointState(header=Header(frame_id=frame), name=['joint'])
+                message.header.stamp = tester.node.get_clock().now().to_msg()
+                sender.publish(message)
+            return all(frame in log.read_bytes() for frame in (b'driver', b'reliable'))
+
+        tester.until(are_recorded, 'the states of both')
+        recorder.signal(signal.SIGTERM)
+        assert started.wait() == {'recorder': 0}, started.output()
+    states = read_log(log).messages['joint_states']
+    assert len(states) == len(set(states))
 
 
 @pytest.mark.slow

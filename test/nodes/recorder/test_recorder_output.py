@@ -13,8 +13,7 @@ from typing import Any
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.scan import scan
 from masmc_ros.log.write.recording import Recording
-from masmc_ros.nodes.recorder.attachments import Attachments
-from masmc_ros.nodes.recorder.output import open_recording
+from masmc_ros.nodes.recorder.output import Attachments, open_recording
 from masmc_ros.params.declaration import check_all
 from masmc_ros.params.node_parameters import declared
 import pytest

@@ -37,6 +37,9 @@ _OF_BASE = ('base', 'heading')
 _AXES = (('x', 'm'), ('y', 'm'), ('z', 'm'), ('rx', 'rad'), ('ry', 'rad'), ('rz', 'rad'))
 """Coordinates of a frame."""
 
+_ROTATED = 3
+"""Number of its positions, which precede its rotations."""
+
 
 class TaskRobot(NamedTuple):
     """Available frames and joints of outputs."""
@@ -140,27 +143,40 @@ class _Part(NamedTuple):
     size: int
     unit: str
     is_place: bool = False
+    is_rotation: bool = False
 
 
 def _points(outputs: Sequence[_Output], axes: Sequence[Quantity]) -> tuple[Point, ...]:
-    """Return the points of reports: x and y of outputs, rotations, and joints of one unit."""
-    parts, at = [], 0
+    """Return the points of reports: positions and rotations of frames, joints of one unit."""
+    parts: list[_Part] = []
+    at, is_alone = 0, len(outputs) == 1
     for output in outputs:
         end = at + len(output.axes)
-        if not output.link:
-            parts += _of_joints(axes, at, end)
-        elif output.axes[:2] == OUTPUTS['planar']:
-            parts.append(_Part(output.link, at, 2, 'm', is_place=True))
+        if output.link:
+            parts += _of_frame(output, at, 'tip' if is_alone else output.link)
         else:
-            parts.append(_Part(f'{output.kind} of {output.link}', at, len(output.axes), 'rad'))
+            parts += _of_joints(axes, at, end)
         at = end
+    if is_alone and outputs[0].link:
+        return tuple(_point('T' if part.is_place else 'R', part) for part in parts)
     if len(parts) == 1:
-        (only,) = parts
-        symbol, name = ('T', 'tip') if only.is_place else ('q', only.name)
-        return (_point(symbol, only._replace(name=name)),)
+        return (_point('q', parts[0]),)
     return tuple(
         _point(f'{ascii_uppercase[i % 26]}{i // 26 or ""}', part) for i, part in enumerate(parts)
     )
+
+
+def _of_frame(output: _Output, first: int, place: str) -> list[_Part]:
+    """Return the position of a frame, called `place`, and its rotation, as far as it has them."""
+    size = len([axis for axis in output.axes if axis < _ROTATED])
+    parts = [_Part(place, first, size, 'm', is_place=True)] if size else []
+    turned = len(output.axes) - size
+    if turned:
+        kind = 'heading' if turned == 1 else 'orientation'
+        frame = output.link if output.kind in (*_OF_BASE, 'orientation') else place
+        name = f'{kind} of {frame}'
+        parts.append(_Part(name, first + size, turned, 'rad', is_rotation=True))
+    return parts
 
 
 def _of_joints(axes: Sequence[Quantity], first: int, end: int) -> list[_Part]:
@@ -176,5 +192,8 @@ def _of_joints(axes: Sequence[Quantity], first: int, end: int) -> list[_Part]:
 
 def _point(symbol: str, part: _Part) -> Point:
     key = re.sub(r'\W+', '_', part.name)
-    title = f'the {part.name}'
-    return Point(symbol, key, part.name, title, part.first, part.size, part.unit, part.is_place)
+    title = f'the {part.name}'.replace(' of tip', ' of the tip')
+    return Point(
+        symbol, key, part.name, title, part.first, part.size, part.unit, part.is_place,
+        part.is_rotation,
+    )  # fmt: skip

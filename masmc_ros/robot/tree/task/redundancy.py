@@ -41,6 +41,7 @@ from masmc_ros.robot.tree.tree_model import (
     posture_gain_of,
     rest_of,
     TreeModel,
+    velocities_of,
 )
 from masmc_ros.robot.tree.wheels import into_wheels
 
@@ -52,7 +53,7 @@ def _mobility(model: TreeModel, posture: Posture, k: int, rate: float) -> tuple[
     lower, upper, margin = limits_of(model, k)
     if margin == 0.0:
         return mobility, 0.0
-    position = joint_position(posture, k - base_of(model) + 1)
+    position = joint_position(posture, k - base_of(model))
     below, above = position - lower, upper - position
     d = min(below, above) / margin
     if d >= 1.0:
@@ -201,7 +202,7 @@ def motion_from_task(
     model: TreeModel, posture: Posture, rates: Numbers, template: Numbers
 ) -> Numbers:
     """Return W^-1 J' (J W^-1 J' + lambda^2)^-1 xdot."""
-    size, m = len(posture.motion_subspaces), len(model.axes)
+    size, m = velocities_of(model), len(model.axes)
     columns, weights, factors = scratch(size, m), scratch(size), scratch(m, m)
     y, still, growths = changeable(rates), scratch(size), scratch(size)
     clear(still)
@@ -218,7 +219,7 @@ def motion_from_task(
 @kernel
 def _task_inertia(model: TreeModel, posture: Posture, theta: Numbers) -> Array:
     """Return (J H^-1 J')^-1 (m, m), slightly damped if it is singular."""
-    m, size = len(model.axes), len(posture.motion_subspaces)
+    m, size = len(model.axes), velocities_of(model)
     columns, h = scratch(size, m), scratch(size, size)
     write_task_jacobian(model, posture, columns)
     write_inertia(model, posture, array_of(theta), h)

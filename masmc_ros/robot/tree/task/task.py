@@ -39,10 +39,10 @@ from masmc_ros.robot.tree.task.rotation_vector import (
 from masmc_ros.robot.tree.tree_model import (
     axis_of,
     base_of,
-    bodies_of,
     frame_of,
     frames_of,
     TreeModel,
+    velocities_of,
 )
 
 POSE = 6
@@ -69,9 +69,15 @@ def _of_task(model: TreeModel, values: Array, row: int) -> Numbers:
 
 
 @formula
+def _joints(model: TreeModel) -> int:
+    """Return the number of controlled joints."""
+    return velocities_of(model) - base_of(model)
+
+
+@formula
 def _coordinates(model: TreeModel) -> int:
     """Return the number of coordinates."""
-    return POSE * frames_of(model) + bodies_of(model) - 1
+    return POSE * frames_of(model) + _joints(model)
 
 
 @formula
@@ -103,9 +109,9 @@ def task_position(model: TreeModel, posture: Posture, position: Numbers) -> Numb
         r, p = frame_pose(model, posture, frame)
         write_part(coordinates, 0, POSE * frame, p)
         write_part(coordinates, 0, POSE * frame + _ROTATED, vector_of(r))
-    first = POSE * frames_of(model) - 1
-    for body in range(1, bodies_of(model)):
-        coordinates[0, first + body] = joint_position(posture, body)
+    first = POSE * frames_of(model)
+    for joint in range(_joints(model)):
+        coordinates[0, first + joint] = joint_position(posture, joint)
     return _of_task(model, coordinates, 0)
 
 
@@ -128,9 +134,9 @@ def task_error(
         aim = rotation_of(read_part(off, 0, turned, VECTOR))
         write_part(off, 0, at, elementwise(minus, p, read_part(off, 0, at, VECTOR)))
         write_part(off, 0, turned, orientation_error(r, aim))
-    first = POSE * frames_of(model) - 1
-    for body in range(1, bodies_of(model)):
-        off[0, first + body] = joint_position(posture, body) - off[0, first + body]
+    first = POSE * frames_of(model)
+    for joint in range(_joints(model)):
+        off[0, first + joint] = joint_position(posture, joint) - off[0, first + joint]
     return _of_task(model, off, 0)
 
 
@@ -144,7 +150,7 @@ def task_velocity(model: TreeModel, posture: Posture, motion: Numbers) -> Number
         write_part(coordinates, 0, POSE * frame, v)
         write_part(coordinates, 0, POSE * frame + _ROTATED, w)
     first, base = POSE * frames_of(model), base_of(model)
-    for joint in range(bodies_of(model) - 1):
+    for joint in range(_joints(model)):
         coordinates[0, first + joint] = nu[base + joint]
     return _of_task(model, coordinates, 0)
 
@@ -157,7 +163,7 @@ def forces_from_task(
     pull = scratch(1, _coordinates(model))
     clear(pull)
     _put(model, force, 0, pull)
-    base, size = base_of(model), base_of(model) + bodies_of(model) - 1
+    base, size = base_of(model), velocities_of(model)
     generalised = scratch(size)
     clear(generalised)
     for k in range(base, size):
@@ -244,10 +250,10 @@ def tracking(
         write_part(state, _RATE, at, rate)
         write_part(state, _RATE, turned, elementwise(minus, w, omega))
     base, first = base_of(model), POSE * frames_of(model)
-    for joint in range(bodies_of(model) - 1):
+    for joint in range(_joints(model)):
         at = first + joint
         rate_error = nu[base + joint] - wanted[1, at]
-        state[_ERROR, at] = joint_position(posture, joint + 1) - wanted[0, at]
+        state[_ERROR, at] = joint_position(posture, joint) - wanted[0, at]
         state[_ERROR_RATE, at] = rate_error
         state[_RATE, at] = rate_error
     return Tracking(

@@ -1,0 +1,131 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Functions of a library: the kernels of a tick behind plain pointers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from masmc_ros.aliases import Records
+from masmc_ros.loop import closed_loop
+from masmc_ros.loop.signals import inputs
+from masmc_ros.loop.simulation import Simulation
+from numba import carray, cfunc, from_dtype, types
+
+Pointer = Any
+"""Address of numbers or of a record in compiled code."""
+
+
+class Entry(NamedTuple):
+    """A function of a library."""
+
+    compiled: Any
+    """Callback that Numba has compiled."""
+    arguments: tuple[str, ...]
+    """Types of its arguments in C; the name of a record stands for a pointer to it."""
+    description: str
+
+
+def records_of(simulation: Simulation) -> dict[str, Records]:
+    """Return the records of a simulation by their names in C."""
+    controller, plant = simulation.controller, simulation.plant
+    return {
+        'settings': controller.settings, 'memory': controller.memory, 'signals': plant.signals,
+        'plant_settings': plant.settings, 'plant_memory': plant.memory,
+    }  # fmt: skip
+
+
+def entries(simulation: Simulation) -> dict[str, Entry]:
+    """
+    Compile the functions of a library for the records of a simulation, and return them by name.
+
+    Each returns a whole number: the controller the flags of `closed_loop.control_tick`, the plant
+    1 if its state is finite, else 0.
+    """
+    signals_here = simulation.controller.signals
+    positions, velocities, desired = (len(values) for values in inputs(signals_here))
+    line = simulation.plant.delayed.shape
+    # Flags are whole numbers: other bits of a register with a bool of Numba are not defined.
+    number, vector = types.int64, types.CPointer(types.float64)
+    kinds = {
+        'int64_t': number, 'const double *': vector, 'double *': vector,
+        **{name: _pointer(record) for name, record in records_of(simulation).items()},
+    }  # fmt: skip
+    tick, changed, start = (
+        closed_loop.control_tick, closed_loop.post_update, closed_loop.plant_start
+    )  # fmt: skip
+    found: dict[str, Entry] = {}
+
+    def exported(name: str, text: str, *arguments: str) -> Callable[[Callable[..., int]], None]:
+        def decorate(function: Callable[..., int]) -> None:
+            signature = number(*(kinds[argument] for argument in arguments))
+            compiled = cfunc(signature, error_model='numpy')(function)
+            found[name] = Entry(compiled, arguments, text)
+
+        return decorate
+
+    @exported(
+        'control_tick', 'Compute a tick; the torque is in the signals.',
+        'settings', 'memory', 'signals', *('const double *',) * 3,
+    )  # fmt: skip
+    def _(
+        settings: Pointer,
+        memory: Pointer,
+        signals: Pointer,
+        position: Pointer,
+        velocity: Pointer,
+        reference: Pointer,
+    ) -> int:
+        return tick(
+            carray(settings, 1), carray(memory, 1), carray(signals, 1),
+            carray(position, positions), carray(velocity, velocities), carray(reference, desired),
+        )  # fmt: skip
+
+    @exported(
+        'settings_changed',
+        'Restrict the estimates to their range; to be called after writing settings.',
+        'settings', 'memory',
+    )  # fmt: skip
+    def _(settings: Pointer, memory: Pointer) -> int:
+        changed(carray(settings, 1), carray(memory, 1))
+        return 0
+
+    @exported(
+        'plant_start', 'Write the state of tick 0 into the signals.',
+        'plant_settings', 'plant_memory', 'double *', 'signals',
+    )  # fmt: skip
+    def _(settings: Pointer, memory: Pointer, delay_line: Pointer, signals: Pointer) -> int:
+        return int(start(
+            carray(settings, 1), carray(memory, 1), carray(delay_line, line), carray(signals, 1),
+        ))
+
+    for name, move, text in (
+        ('plant_tick', closed_loop.plant_tick,
+         'Advance the simulated robot from a tick to the next under the command in the signals.'),
+        ('plant_hold', closed_loop.plant_hold,
+         'Advance the simulated robot by a tick without a command: its drives hold the joints.'),
+    ):  # fmt: skip
+        exported(
+            name, text, 'plant_settings', 'plant_memory', 'double *', 'int64_t', 'signals'
+        )(_step(move, line))
+    return found
+
+
+def _step(move: Callable[..., bool], line: tuple[int, ...]) -> Callable[..., int]:
+    """Return the function of a kernel that advances the plant by a tick."""
+
+    def step(
+        settings: Pointer, memory: Pointer, delay_line: Pointer, tick: int, signals: Pointer
+    ) -> int:
+        return int(move(
+            carray(settings, 1), carray(memory, 1), carray(delay_line, line), tick,
+            carray(signals, 1),
+        ))
+
+    return step
+
+
+def _pointer(record: Records) -> types.Type:
+    return types.CPointer(from_dtype(record.dtype))

@@ -1,0 +1,293 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Folder with a controller and its robot as a static library, a C header and examples."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+import re
+from typing import Any, NamedTuple
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from masmc_ros import __version__
+from masmc_ros.aliases import Records
+from masmc_ros.errors import InputError
+from masmc_ros.jit.record import TAG
+from masmc_ros.jit.sized_records import has_layout
+from masmc_ros.json_text import json_text
+from masmc_ros.law.parts.delay_fields import ENABLING
+from masmc_ros.law.parts.model import PAYLOAD
+from masmc_ros.loop.closed_loop import NOT_FINITE, SINGULAR
+from masmc_ros.loop.records import read_by
+from masmc_ros.loop.signals import inputs, SIGNALS
+from masmc_ros.loop.simulation import Simulation
+from masmc_ros.native.entries import entries, Entry, records_of
+from masmc_ros.native.object_code import archive, merged, object_of
+from masmc_ros.native.targets import Target
+from masmc_ros.output_files import check_absent, make_folder, write_file
+from masmc_ros.params.declaration import Parameter, Values
+
+_KINDS = {'f8': 'double', 'i8': 'int64_t'}
+
+_DERIVED = {*PAYLOAD, *ENABLING, 'velocity_source'}
+"""Live parameters that determine other settings, or whose change resets memory."""
+
+
+class _Field(NamedTuple):
+    """Member of a record in C."""
+
+    name: str
+    kind: str
+    shape: tuple[int, ...]
+    place: int
+    description: str
+    values: tuple[str, ...]
+
+
+class _Record(NamedTuple):
+    name: str
+    size: int
+    tags: int
+    """Number of its last bytes, by which the compiler has selected formulas."""
+    fields: tuple[_Field, ...]
+
+
+def write_library(
+    folder: Path,
+    name: str,
+    values: Mapping[str, Values],
+    targets: Mapping[str, Target],
+    *,
+    overwrite: bool,
+) -> list[Path]:
+    """
+    Write the library of a scenario, and return the files.
+
+    Parameters
+    ----------
+    folder
+        Folder of the library, which is created.
+    name
+        Name of the library, the beginning of all names in C.
+    values
+        Checked parameter values of every node, by node name.
+    targets
+        Processors by name, see `targets.TARGETS`.
+    overwrite
+        True to replace existing files.
+
+    Raises
+    ------
+    InputError
+        If the law or the robot cannot leave Python, if a file exists or cannot be written.
+
+    """
+    if not re.fullmatch(r'[A-Za-z][A-Za-z0-9_]*', name):
+        raise InputError(f"name '{name}': expected letters, digits and _, a letter first")
+    paths = {
+        'header': folder / f'{name}.h',
+        'description': folder / f'{name}.json',
+        'reference': folder / 'reference.bin',
+        'example': folder / 'example.c',
+        'makefile': folder / 'Makefile',
+        **{target: folder / target / f'lib{name}.a' for target in targets},
+    }
+    for path in paths.values():
+        check_absent(path, overwrite=overwrite)
+    simulation = _simulation(values)
+    found = entries(simulation)
+    functions = {f'{name}_{entry}': function.compiled for entry, function in found.items()}
+    text = merged(functions)
+    contents = {
+        target: archive(f'{name}.o', object_of(text, kind), list(functions))
+        for target, kind in targets.items()
+    }
+    described = _described(simulation, name, found)
+    reference = simulation.trajectory.sample(0, described['ticks'])
+    contents |= {
+        'header': _filled('library.h.jinja', described),
+        'example': _filled('example.c.jinja', described),
+        'makefile': _filled('Makefile.jinja', {**described, 'targets': tuple(targets)}),
+        'description': _json(described, simulation).encode(),
+        'reference': reference.astype('<f8').tobytes(),
+    }
+    for key, path in paths.items():
+        make_folder(path.parent)
+        write_file(path, contents[key])
+    return list(paths.values())
+
+
+def _simulation(values: Mapping[str, Values]) -> Simulation:
+    """Return the simulation of a scenario at its start; InputError if it cannot leave Python."""
+    control, plant = values['controller'], values['plant']
+    if control['approach_on_start'] or not control['active_on_start']:
+        raise InputError(
+            'approach_on_start or active_on_start: a library has no approach and is always active;'
+            ' expected approach_on_start false and active_on_start true'
+        )
+    if plant['payload.mass'] and plant['payload.time']:
+        raise InputError(
+            f'plant.payload.time = {plant["payload.time"]:g}: the robot of a library has its'
+            ' payload from the start; expected 0'
+        )
+    simulation = Simulation(values)
+    if simulation.timing.last is None:
+        raise InputError('duration = 0.0: expected a length > 0 s for the example of a library')
+    if has_layout(simulation.controller.settings.dtype):
+        raise InputError(
+            'robot.urdf: the records of robots from URDF files have no C header;'
+            " expected the paper's robot, with the lengths and masses of robot.*"
+        )
+    if not simulation.plant.is_compiled:
+        raise InputError(f'plant.physics = {plant["physics"]}: expected rigid for a library')
+    if not simulation.controller.is_compiled:
+        raise InputError(f'law = {control["law"]}: it is plain Python, expected a compiled law')
+    return simulation
+
+
+def _described(
+    simulation: Simulation, name: str, found: Mapping[str, Entry]
+) -> dict[str, Any]:
+    """Return what the templates and the JSON file contain."""
+    controller, plant = simulation.controller, simulation.plant
+    mechanism = controller.mechanism
+    parameters = {
+        field: parameter
+        for parameter, field in read_by(controller.settings, mechanism)
+        if not (parameter.read_only or parameter.name in _DERIVED)
+    }
+    axes = ', '.join(dict.fromkeys(point.unit for point in mechanism.points))
+    signals = {
+        signal.name: f'{signal.description}, {signal.unit_of(axes)}' for signal in SIGNALS
+    }
+    descriptions = {
+        'settings': {field: _sentence(parameter) for field, parameter in parameters.items()},
+        'signals': signals,
+    }
+    assert simulation.timing.last is not None
+    return {
+        'name': name,
+        'version': __version__,
+        'law': controller.values['law'],
+        'switching': controller.values['switching'] if controller.uses_switching else '',
+        'period': simulation.timing.period,
+        'ticks': simulation.timing.last + 1,
+        'sizes': dict(zip(
+            ('position', 'velocity', 'reference'),
+            (len(values) for values in inputs(controller.signals)), strict=True,
+        )),
+        'delay_line': plant.delayed.size,
+        'statuses': {'SINGULAR': SINGULAR, 'NOT_FINITE': NOT_FINITE},
+        'points': mechanism.points,
+        'parameters': parameters,
+        'records': [
+            _record(key, record, descriptions.get(key, {}))
+            for key, record in records_of(simulation).items()
+        ],
+        'functions': {
+            entry: {
+                'arguments': _arguments(name, function.arguments),
+                'description': function.description,
+            }
+            for entry, function in found.items()
+        },
+    }  # fmt: skip
+
+
+def _record(name: str, record: Records, descriptions: Mapping[str, str]) -> _Record:
+    fields, tags = [], 0
+    fields_of = record.dtype.fields
+    assert fields_of is not None
+    for field in fields_of:
+        kind, place = fields_of[field][:2]
+        if TAG in field:
+            tags += 1
+            continue
+        shape = kind.shape[:-1] if kind.shape[-1] == 1 else kind.shape
+        text = descriptions.get(field, '').replace('*/', '* /')
+        numbers = tuple(_number(value) for value in record[field].ravel().tolist())
+        fields.append(_Field(field, _KINDS[kind.base.str[1:]], shape, place, text, numbers))
+    return _Record(name, record.dtype.itemsize, tags, tuple(fields))
+
+
+def _number(value: float) -> str:
+    """Return a constant of C with the bits of a number."""
+    text = value.hex() if isinstance(value, float) else str(value)
+    return {'nan': 'NAN', 'inf': 'INFINITY', '-inf': '-INFINITY'}.get(text, text)
+
+
+def _arguments(name: str, kinds: Sequence[str]) -> str:
+    """Return the declaration of arguments in C."""
+    usual = iter(('position', 'velocity', 'reference'))
+    named = []
+    for kind in kinds:
+        if kind == 'const double *':
+            named.append(f'{kind}{next(usual)}')
+        elif kind == 'double *':
+            named.append(f'{kind}delay_line')
+        elif kind == 'int64_t':
+            named.append(f'{kind} tick')
+        else:
+            constant = 'const ' if kind.endswith('settings') else ''
+            named.append(f'{constant}{name}_{kind} *{kind}')
+    return ', '.join(named)
+
+
+def _sentence(parameter: Parameter) -> str:
+    """Return the description of a parameter with its unit and range."""
+    parts = [parameter.description]
+    if parameter.unit:
+        parts.append(parameter.unit)
+    if parameter.choices and not callable(parameter.choices):
+        parts.append(', '.join(f'{i}: {text}' for i, text in enumerate(parameter.choices)))
+    for word, limit in (('>=', parameter.minimum), ('<=', parameter.maximum)):
+        if limit is not None:
+            parts.append(f'{word} {limit:g}')
+    return '; '.join(parts)
+
+
+def _json(described: Mapping[str, Any], simulation: Simulation) -> str:
+    values = simulation.controller.values
+    parameters = {
+        parameter.name: {
+            'field': field, 'value': values[parameter.name], 'unit': parameter.unit,
+            'minimum': parameter.minimum, 'maximum': parameter.maximum,
+            'description': parameter.description,
+        }
+        for field, parameter in described['parameters'].items()
+    }  # fmt: skip
+    records = {
+        record.name: {
+            'size': record.size,
+            'fields': {
+                field.name: {'place': field.place, 'shape': field.shape, 'type': field.kind}
+                for field in record.fields
+            },
+        }
+        for record in described['records']
+    }
+    names = ('name', 'version', 'law', 'switching', 'period', 'sizes', 'delay_line', 'statuses')
+    return json_text({
+        **{key: described[key] for key in names},
+        'parameters': parameters,
+        'records': records,
+        'functions': described['functions'],
+    })
+
+
+def _filled(template: str, content: Mapping[str, Any]) -> bytes:
+    environment = Environment(
+        loader=PackageLoader('masmc_ros.native'), undefined=StrictUndefined, trim_blocks=True,
+        lstrip_blocks=True, keep_trailing_newline=True, autoescape=False,
+    )  # fmt: skip
+    environment.filters['wrapped'] = _wrapped
+    return environment.get_template(template).render(content).encode()
+
+
+def _wrapped(values: Iterable[str]) -> str:
+    """Return numbers of an initialiser, a few in each line."""
+    texts = list(values)
+    lines = [', '.join(texts[i:i + 4]) for i in range(0, len(texts), 4)]
+    return ',\n        '.join(lines)

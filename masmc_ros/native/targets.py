@@ -1,0 +1,26 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Processors of libraries, known without the compiler."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Target(NamedTuple):
+    """A kind of processor and its conventions of calls."""
+
+    triple: str
+    processor: str
+    features: str = ''
+
+
+TARGETS = {
+    'x86_64-linux-gnu': Target('x86_64-unknown-linux-gnu', 'x86-64'),
+    'x86_64-v3-linux-gnu': Target('x86_64-unknown-linux-gnu', 'x86-64-v3'),
+    'aarch64-linux-gnu': Target('aarch64-unknown-linux-gnu', 'generic'),
+    'arm-linux-gnueabihf': Target('armv7-unknown-linux-gnueabihf', 'generic', '+neon,+vfp3'),
+    'riscv64-linux-gnu': Target('riscv64-unknown-linux-gnu', 'generic-rv64', '+m,+a,+f,+d,+c'),
+}
+"""Known targets, named as the GNU tools for them; the first one is the default."""

@@ -1,0 +1,86 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Sliders of gains: their ranges, and the translation between a slider and a parameter.
+
+A gain may be an array with an entry for each axis or parameter. Its slider has one number, the
+largest entry. A move of the slider scales the whole array.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from masmc_ros.params.declaration import Parameter
+from masmc_ros.params.text import yaml_text
+
+SLIDERS = ('k_s1', 'k_s2', 'sigma', 'gamma', 'boundary_layer')
+"""Parameters of the controller with a slider."""
+
+_STEPS = 400
+"""Number of steps of a slider."""
+
+_FACTOR = 4.0
+"""End of a slider as a multiple of the value at which it is set up."""
+
+
+class SliderRange(NamedTuple):
+    """Smallest and largest value of a slider, and its step."""
+
+    lowest: float
+    highest: float
+    step: float
+
+    def contains(self, level: float) -> bool:
+        """Return True if the slider can show a value."""
+        return self.lowest <= level <= self.highest
+
+
+def level_of(value: object) -> float:
+    """Return the number of a slider for a value: a number, or the largest entry of an array."""
+    return float(max(value)) if isinstance(value, list | tuple) else float(str(value))
+
+
+def slider_range(parameter: Parameter, level: float) -> SliderRange:
+    """
+    Return the range of a slider: from the parameter's minimum to four times a value.
+
+    Parameters
+    ----------
+    parameter
+        Declaration, with bounds and default.
+    level
+        Current value of the slider; the default replaces 0.
+
+    """
+    highest = _FACTOR * (level or level_of(parameter.default) or 1.0)
+    if parameter.maximum is not None:
+        highest = min(highest, parameter.maximum)
+    lowest = 0.0 if parameter.minimum is None else parameter.minimum
+    step = _rounded((highest - lowest) / _STEPS)
+    return SliderRange(lowest + step if parameter.exclusive_minimum else lowest, highest, step)
+
+
+def scaled(value: object, level: float) -> float | list[float]:
+    """
+    Return a parameter's value with another level.
+
+    An array keeps the ratios of its entries. If they are equal, one number replaces them.
+    """
+    if not isinstance(value, list | tuple) or len(set(value)) == 1:
+        return _rounded(level)
+    largest = level_of(value)
+    return [_rounded(level * float(entry) / largest) for entry in value]
+
+
+def gain_text(value: object) -> str:
+    """Return a parameter's value as text, one number if all entries are equal."""
+    if isinstance(value, list | tuple) and len(set(value)) == 1:
+        return yaml_text(value[0])
+    return yaml_text(value)
+
+
+def _rounded(number: float) -> float:
+    """Return a number with six digits: sums of steps have errors of rounding."""
+    return float(f'{number:.6g}')

@@ -1,0 +1,116 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Layout of the page: plots on the left of the scene, controls on its right."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from html import escape
+
+from masmc_ros.nodes.play.described import EstimateReference, ShownRobot
+from masmc_ros.nodes.play.plots import Plots
+from masmc_ros.nodes.play.samples import WINDOW
+from masmc_ros.nodes.play.scene import RobotScene
+from masmc_ros.nodes.play.server import PlayServer
+
+RATE = 20
+"""Rate in Hz at which the robot is shown and sampled."""
+
+SLOW = 4
+"""Updates of the robot per update of plots and texts, which is at 5 Hz."""
+
+MOST = int(RATE * WINDOW)
+"""Largest number of samples of a plot."""
+
+MOST_POINTS = 5000
+"""Largest number of points of a path."""
+
+CHANGES = 6
+"""Number of changes that the page lists."""
+
+_COMPARED = 'Dashed: the errors before the last change of a parameter, shifted to the current time'
+
+_PLOTS = 380.0
+"""Width of the plots in pixels."""
+
+
+class Page:
+    """
+    Page without content.
+
+    Attributes
+    ----------
+    server
+        Server of the page, which listens.
+
+    """
+
+    def __init__(self, server: PlayServer) -> None:
+        """Build the page of a server."""
+        self.server = server
+        gui = server.gui
+        gui.configure_theme(control_layout='collapsible', show_logo=False, show_share_button=False)
+        self.server.initial_camera.position = (-0.9, -1.1, 1.2)
+        self.server.initial_camera.look_at = (0.2, 0.0, 0.1)
+        panel = gui.add_panel()
+        panel.dock_left()
+        panel.set_width(_PLOTS)
+        self._plot_tab = panel.add_tab('Plots')
+        with self._plot_tab:
+            self._compare = gui.add_checkbox(
+                'Compare with before', initial_value=False, hint=_COMPARED, order=-2.0
+            )
+            self._compared = gui.add_html('', order=-1.0)
+            self._plot_folder = gui.add_folder(None)
+        self._follow = gui.add_checkbox('Follow robot', initial_value=True, order=9.0)
+        hint = 'Green: torques of the motors; purple: disturbance of the simulated robot'
+        self._arrows = gui.add_checkbox('Torques', initial_value=False, hint=hint, order=9.5)
+
+    @property
+    def is_followed(self) -> bool:
+        """Return True if the camera follows the robot."""
+        return bool(self._follow.value)
+
+    @property
+    def has_arrows(self) -> bool:
+        """Return True if torques are shown as arrows."""
+        return bool(self._arrows.value)
+
+    def compare(self, plots: Plots) -> None:
+        """Compare errors with those before the last change, if a viewer has selected it."""
+        content = text_block([text] if (text := plots.compare(is_on=self._compare.value)) else [])
+        if content != self._compared.content:
+            self._compared.content = content
+
+    @property
+    def is_viewed(self) -> bool:
+        """Return True if a viewer is connected."""
+        return bool(self.server.get_clients())
+
+    def add_scene(self, shown: ShownRobot, log: Callable[[str], object]) -> RobotScene:
+        """Add the scene of a robot in place of a previous one; InputError if it is invalid."""
+        return RobotScene(self.server.scene, shown.robot, shown.description, log)
+
+    def add_plots(self, reference: EstimateReference) -> Plots:
+        """Add the plots of a controller in place of previous ones."""
+        self._plot_folder.remove()
+        with self._plot_tab:
+            self._plot_folder = self.server.gui.add_folder(None)
+        with self._plot_folder:
+            return Plots(
+                self.server.gui, reference.mechanism, reference.theta, reference.meaning, MOST
+            )
+
+
+def change_text(time: float, text: str) -> str:
+    """Return a change or an event at a time in s as a line of the page."""
+    return f't = {time:.2f} s: {text}'
+
+
+def text_block(lines: Sequence[str], style: str = '') -> str:
+    """Return lines as HTML; texts of other nodes are escaped."""
+    if not lines:
+        return ''
+    text = '<br>'.join(map(escape, lines))
+    return f'<div style="font-size:0.8em;padding:0.3em 0.8em;{style}">{text}</div>'

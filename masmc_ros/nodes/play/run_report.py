@@ -1,0 +1,61 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Report page of a run while it is being recorded.
+
+`python -m masmc_ros.nodes.play.run_report LOG PAGE` writes it in a separate process at the lowest
+priority, so the node and the control of the robot do not wait for it.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+import shutil
+import sys
+from tempfile import TemporaryDirectory
+
+from masmc_ros.errors import InputError, UserError
+from masmc_ros.log.read.reader import read_run
+from masmc_ros.log.recover.recover import recover
+from masmc_ros.report.report import write_page
+
+_LOWEST_PRIORITY = 19
+
+
+def write_report_so_far(recording: Path, page: Path) -> None:
+    """
+    Write the report page of a log that is being recorded.
+
+    The report is that of a copy, which is completed like the log of a killed recorder.
+
+    Raises
+    ------
+    InputError
+        If there is no recording, or no run in it yet.
+
+    """
+    with TemporaryDirectory(dir=page.parent) as folder:
+        copy = Path(folder) / recording.name
+        try:
+            shutil.copyfile(recording, copy)
+        except OSError as error:
+            raise InputError(f'{recording}: {error.strerror}; is the recorder running?') from error
+        recover(copy)
+        write_page(read_run(copy), page)
+
+
+def main(arguments: list[str]) -> int:
+    """Write the page of a recording: arguments LOG PAGE."""
+    os.nice(_LOWEST_PRIORITY)
+    try:
+        write_report_so_far(*map(Path, arguments))
+    except UserError as error:
+        print(error, file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,151 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Subscriptions to messages with paths, and to the state of the robot at which a path starts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+from masmc_ros.aliases import Array
+from masmc_ros.errors import InputError
+from masmc_ros.messages.cdr_layout import checked_stamp, UNREAD
+from masmc_ros.messages.joint_state import JointStateCdr
+from masmc_ros.messages.platform_messages import odometry_numbers
+from masmc_ros.nodes.middleware.messages import deserialized
+from masmc_ros.nodes.middleware.past import subscribe, subscribe_with_past
+from masmc_ros.nodes.process.base import SuiteNode
+from masmc_ros.nodes.process.diagnostics import Health, OK, WARN
+from masmc_ros.nodes.trajectory.path_messages import PathMessages, PathRequest
+from masmc_ros.robot.base_pose import BasePose, OLDEST_POSE_NS
+from masmc_ros.robot.declaration import Mechanism
+from masmc_ros.robot.joint_names import joint_names
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import JointState
+
+_STATES = 'joint_states'
+
+
+class PathInput:
+    """Subscriptions of the trajectory node to paths; rejections are counted for diagnostics."""
+
+    def __init__(
+        self,
+        node: SuiteNode,
+        mechanism: Mechanism,
+        frame_prefix: str,
+        on_path: Callable[[PathRequest], None],
+        on_state: Callable[[int, Array], None],
+    ) -> None:
+        """
+        Subscribe to the topics of paths.
+
+        Parameters
+        ----------
+        node
+            Trajectory node.
+        mechanism
+            Type of its robot.
+        frame_prefix
+            Prefix of the names of its frames.
+        on_path
+            Function that is called with each valid path; an InputError rejects it.
+        on_state
+            Function that is called with the stamp in ns and the positions of each state, from
+            the first path on. The next message overwrites the positions.
+
+        """
+        self._node, self._on_path, self._on_state = node, on_path, on_state
+        names = joint_names(node.values)
+        self._state = JointStateCdr(names)
+        self._base_joint = names[0]
+        self._mechanism = mechanism
+        # The pose of the base replaces the positions of its drives.
+        self._driven = names[len(mechanism.base) + len(mechanism.twist):]
+        self._base: BasePose | None = None
+        self._has_states = False
+        self._accepted = self._rejected = self._reported = 0
+        self._last = ''
+        messages = PathMessages(mechanism, names, frame_prefix)
+        for topic, (kind, read) in messages.topics.items():
+            subscribe(node.node, kind, topic, partial(self._take, topic, read))
+
+    def reject(self, topic: str, reason: object) -> None:
+        """Log and count a rejected message."""
+        self._rejected += 1
+        self._last = f'{topic} rejected: {reason}'
+        self._node.log.warning(self._last)
+
+    def accept(self) -> None:
+        """Count a path that has started."""
+        self._accepted += 1
+
+    def health(self, followed: str) -> Health:
+        """Return the report for /diagnostics; `followed` is the current source of the path."""
+        is_worse, self._reported = self._rejected > self._reported, self._rejected
+        values = {
+            'reference': followed,
+            'paths followed': str(self._accepted),
+            'paths rejected': str(self._rejected),
+            'last rejected path': self._last or 'none',
+        }
+        return Health(WARN, self._last, values) if is_worse else Health(OK, followed, values)
+
+    def _take(
+        self, topic: str, read: Callable[[str, bytes], PathRequest], raw: bytes
+    ) -> None:
+        try:
+            self._on_path(read(topic, raw))
+        except InputError as error:
+            self.reject(topic, error)
+            return
+        self.follow_states()
+
+    def follow_states(self) -> None:
+        """Subscribe to the states of the robot, at the first path."""
+        # States are not needed, and cost time at each tick, as long as there are no paths.
+        if not self._has_states:
+            self._has_states = True
+            subscribe_with_past(self._node.node, JointState, _STATES, self._take_state)
+
+    def _take_state(self, raw: bytes) -> None:
+        try:
+            stamp = self._state.read(raw)
+            if stamp == UNREAD:
+                message = deserialized(raw, JointState)
+                has_base = self._base_joint in message.name
+                joints = None if has_base else self._driven
+                self._state.load_message(message, joints, unknown_velocity=0.0)
+                stamp = self._state.stamp_ns
+                if not (has_base or self._add_pose(stamp)):
+                    return
+        except InputError as error:
+            self._node.log.warning(f'{_STATES} rejected: {error}', throttle_duration_sec=1.0)
+            return
+        self._on_state(stamp, self._state.position)
+
+    def _add_pose(self, stamp: int) -> bool:
+        """
+        Add the pose of odometry to a state without the joints of the base.
+
+        Return False if there is none yet, or only an old one. A fixed base is at zero.
+        """
+        if not self._mechanism.is_planar:
+            return True
+        if self._base is None:
+            self._base = BasePose()
+            subscribe_with_past(self._node.node, Odometry, 'odom', self._take_odometry)
+        known = self._base.stamp_ns
+        if known is None or abs(stamp - known) > OLDEST_POSE_NS:
+            return False
+        self._base.write(stamp, self._state.position, self._state.velocity)
+        return True
+
+    def _take_odometry(self, raw: bytes) -> None:
+        if self._base is not None:
+            try:
+                stamp, pose, twist = odometry_numbers(deserialized(raw, Odometry))
+                self._base.update(checked_stamp(stamp), pose, twist)
+            except InputError as error:
+                self._node.log.warning(f'odom rejected: {error}', throttle_duration_sec=1.0)

@@ -1,0 +1,305 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Preview of a path: motion and torques of the nominal robot, and their margins to the limits.
+
+The robot of the file follows the path in simulation, with known masses and without disturbance,
+noise, delays and limits of torque. The torques are therefore those that the path requires. Margins
+count from the time at which the robot has joined the path; before that it approaches.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+import math
+
+from masmc_ros.aliases import Array
+from masmc_ros.errors import InputError
+from masmc_ros.loop.simulation import Simulation
+from masmc_ros.loop.timing import Timing
+from masmc_ros.params.declaration import MutableValues, Values
+from masmc_ros.params.node_parameters import declared
+from masmc_ros.params.scenario import lowest_limits
+from masmc_ros.reference.sampled_trajectory import SampledTrajectory
+from masmc_ros.reference.trajectory import Trajectory
+from masmc_ros.robot.declaration import Mechanism, Point
+from masmc_ros.robot.robot import robot_of
+import numpy as np
+
+TOLERANCE = 2e-3
+"""Distance in m or rad up to which a point is on its path."""
+
+_TRIALS = 4
+"""Number of slow-downs that are tried."""
+
+_JOINED = 0.25
+"""Part of the tolerance within which an approach has ended."""
+
+_SETTLING = 1.0
+"""Time in s after an approach in which torques do not count."""
+
+_SMALLEST = 1.1
+"""Smallest slow-down that is tried."""
+
+_MORE = 1.4
+"""Factor from one tried slow-down to the next."""
+
+_PHYSICAL = 'initial_', 'integrator_step', 'robot.', 'control_period', 'duration', 'joint_names'
+"""Starts of the names of parameters of the file that the nominal plant has."""
+
+_OF_CONTROL = 'k_s1', 'k_s2', 'sigma', 'approach_speed'
+"""Further parameters of the file that the nominal controller has."""
+
+_FREE = {'torque_limit', 'torque_rate_limit', 'disturbance.amplitude'}
+"""Parameters that are zero in a preview."""
+
+_NOMINAL = {
+    'law': 'rasmc', 'switching': 'implicit', 'observer_gain': 0.5, 'model_scale': 1.0,
+}  # fmt: skip
+
+
+class PathError(InputError):
+    """Path that the robot does not reach."""
+
+
+@dataclass(frozen=True)
+class Preview:
+    """
+    Motion along a path, from its first tick on the path on.
+
+    Attributes
+    ----------
+    mechanism
+        Type of the robot.
+    times
+        Times (n) in s.
+    position, velocity, acceleration
+        Of the joints, (n, joints) each, SI units.
+    torque
+        Torques of the joints (n, joints) in N·m or N.
+    torque_limits
+        Limits (joints); infinite without a limit.
+    reference
+        Samples (n, 3 axes) of the path.
+    error
+        Task errors (n, axes) of the robot.
+    is_singular
+        True (n) if the task is close to singular.
+
+    """
+
+    mechanism: Mechanism
+    times: Array
+    position: Array
+    velocity: Array
+    acceleration: Array
+    torque: Array
+    torque_limits: Array
+    reference: Array
+    error: Array
+    is_singular: Array
+
+    @property
+    def range_margin(self) -> Array:
+        """Return the distances (n, joints) to the nearer end of each range, infinite without."""
+        lower, upper = np.array(self.mechanism.position_limits).reshape(-1, 2).T
+        margin: Array = np.minimum(self.position - lower, upper - self.position)
+        return margin
+
+    @property
+    def speed_share(self) -> Array:
+        """Return the speeds (n, joints) as parts of their limits, 0 without one."""
+        share: Array = np.abs(self.velocity) / np.array(self.mechanism.speed_limits)
+        return share
+
+    @property
+    def torque_share(self) -> Array:
+        """Return the torques (n, joints) as parts of their limits, 0 without one."""
+        share: Array = np.abs(self.torque) / self.torque_limits
+        return share
+
+    def distance(self, point: Point) -> Array:
+        """Return the distances (n) of a point from its path in m or rad."""
+        distance: Array = np.linalg.norm(self.error[:, point.axes], axis=1)
+        return distance
+
+    def violations(self) -> list[str]:
+        """Return a text for each limit that the path exceeds: place, value and excess."""
+        texts = []
+        for point in self.mechanism.points:
+            distance = self.distance(point)
+            row = int(np.argmax(distance))
+            if distance[row] > TOLERANCE:
+                texts.append(
+                    f'{point.symbol} is {1e3 * distance[row]:.3g} {point.small_unit} from its '
+                    f'path at {self.times[row]:.3g} s: the robot cannot follow it there'
+                )
+        if self.is_singular.any():
+            first = self.times[int(np.argmax(self.is_singular))]
+            texts.append(
+                f'{self.mechanism.lost} is close to singular from {first:.3g} s on, for '
+                f'{int(self.is_singular.sum())} ticks: {self.mechanism.singular}'
+            )
+        joints = self.mechanism.joints
+        for joint, margin in zip(joints, self.range_margin.T, strict=True):
+            row = int(np.argmin(margin))
+            if margin[row] < 0.0:
+                texts.append(
+                    f'{joint.name} is {-margin[row]:.3g} {joint.unit} outside of its range at '
+                    f'{self.times[row]:.3g} s'
+                )
+        units = [f'{joint.unit}/s' for joint in joints], [joint.effort_unit for joint in joints]
+        for (share, values, noun), unit in zip(
+            (
+                (self.speed_share, self.velocity, 'moves at'),
+                (self.torque_share, self.torque, 'needs'),
+            ),
+            units,
+            strict=True,
+        ):
+            for k, joint in enumerate(joints):
+                row = int(np.argmax(share[:, k]))
+                if share[row, k] > 1.0:
+                    texts.append(
+                        f'{joint.name} {noun} {abs(values[row, k]):.4g} {unit[k]} at '
+                        f'{self.times[row]:.3g} s, {100.0 * (share[row, k] - 1.0):.3g} % above '
+                        'its limit'
+                    )
+        return texts
+
+    def estimated_slowdown(self) -> float:
+        """
+        Return a factor of the duration that may suffice, at least _SMALLEST.
+
+        Speeds decrease with the factor, torques without gravity with its square.
+        """
+        torque = float(self.torque_share.max(initial=0.0))
+        return max(_SMALLEST, float(self.speed_share.max(initial=0.0)), math.sqrt(torque))
+
+
+def preview(values: Mapping[str, Values], slowdown: float = 1.0) -> Preview:
+    """
+    Compute the preview of a scenario.
+
+    Parameters
+    ----------
+    values
+        Checked parameters of the nodes by their names.
+    slowdown
+        Factor of the duration of the path.
+
+    Raises
+    ------
+    PathError
+        If a point of the path is out of reach, or if the robot does not join or leaves the path.
+    InputError
+        If the path has no end.
+
+    """
+    nominal = _nominal_values(values, slowdown)
+    plant = nominal['plant']
+    timing, robot = Timing.from_values(plant), robot_of(plant)
+    if timing.last is None:
+        raise InputError('duration = 0.0: expected a length > 0 s for a preview')
+    count = timing.last + 1
+    trajectory = Trajectory(nominal['trajectory'], timing.period / slowdown, robot)
+    try:
+        samples = trajectory.sample(0, count)
+    except InputError as unreachable:
+        raise PathError(str(unreachable)) from None
+    axes = len(robot.mechanism.axes)
+    samples[:, axes:2 * axes] /= slowdown
+    samples[:, 2 * axes:] /= slowdown**2
+    position = np.array(robot.start(plant['initial_pose'], plant['initial_joints']))
+    starts_on_path = bool(
+        (np.abs(robot.task_errors(position[None], samples[:1, :axes])) < _JOINED * TOLERANCE).all()
+        and (np.abs(samples[0, axes:2 * axes]) < _JOINED * TOLERANCE).all()
+    )
+    # An approach also smooths the acceleration at the start, which the path does not.
+    nominal['controller']['approach_on_start'] = not starts_on_path
+    simulation = Simulation(nominal, (), SampledTrajectory(np.arange(count), samples))
+    try:
+        blocks = list(simulation.run())
+    except InputError as diverged:
+        raise PathError(str(diverged)) from None
+    joints = slice(-len(robot.mechanism.joints), None)
+
+    def signal(name: str) -> Array:
+        return np.concatenate([getattr(block, name) for block in blocks])
+
+    error = np.concatenate([block.true_error(robot) for block in blocks])
+    velocity = signal('true_velocity')[:, joints]
+    acceleration: Array = np.gradient(velocity, timing.period, axis=0)
+    rows = slice(0 if starts_on_path else _joined(error, robot.mechanism, timing), None)
+    limits = [limit or math.inf for limit in lowest_limits(values)]
+    return Preview(
+        robot.mechanism,
+        timing.period * np.arange(count, dtype=np.float64)[rows],
+        signal('true_position')[rows, joints],
+        velocity[rows],
+        acceleration[rows],
+        signal('torque')[rows],
+        np.array(limits),
+        samples[rows],
+        error[rows],
+        signal('singular')[rows, 0] != 0,
+    )
+
+
+def sufficient_slowdown(values: Mapping[str, Values], first: Preview) -> float | None:
+    """
+    Return a factor of the duration with which the path keeps all limits.
+
+    Each of a few factors is tried by a preview. None if none of them suffices.
+    """
+    factor = first.estimated_slowdown()
+    for _ in range(_TRIALS):
+        factor = math.ceil(100.0 * factor) / 100.0
+        with suppress(PathError):
+            if not preview(values, factor).violations():
+                return factor
+        factor *= _MORE
+    return None
+
+
+def _joined(error: Array, mechanism: Mechanism, timing: Timing) -> int:
+    """Return the tick from which the robot is on the path; PathError if there is none."""
+    is_on = np.ones(len(error), dtype=np.bool_)
+    for point in mechanism.points:
+        is_on &= np.linalg.norm(error[:, point.axes], axis=1) < _JOINED * TOLERANCE
+    tick = int(np.argmax(is_on)) + round(_SETTLING / timing.period)
+    if not is_on.any() or tick >= len(error):
+        point = mechanism.points[0]
+        closest = np.linalg.norm(error[:, point.axes], axis=1).min()
+        raise PathError(
+            f'the robot does not join the path within {timing.time(len(error) - 1):g} s; '
+            f'{point.symbol} comes as close as {1e3 * closest:.3g} {point.small_unit}. Expected a '
+            'start on the path (masmc robot prints it), or a longer duration'
+        )
+    return tick
+
+
+def _nominal_values(
+    values: Mapping[str, Values], slowdown: float
+) -> dict[str, MutableValues]:
+    """Return the parameters of plant, controller and trajectory of a preview."""
+    nominal: dict[str, MutableValues] = {}
+    mechanism = robot_of(values['plant']).mechanism
+    for node in ('plant', 'controller'):
+        kept = (*_PHYSICAL, *(_OF_CONTROL if node == 'controller' else ()))
+        nominal[node] = {
+            parameter.name: values[node][parameter.name]
+            if parameter.name.startswith(kept)
+            else parameter.default
+            for parameter in declared(node, mechanism)
+        }
+        for name in _FREE & nominal[node].keys():
+            nominal[node][name] = tuple(0.0 for _ in nominal[node][name])
+    nominal['controller'].update(_NOMINAL)
+    nominal['trajectory'] = dict(values['trajectory'])
+    for node_values in nominal.values():
+        node_values['duration'] = slowdown * values['plant']['duration']
+    return nominal

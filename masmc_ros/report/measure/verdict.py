@@ -1,0 +1,104 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Result of a report in one sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import math
+
+from masmc_ros.report.measure.metrics import Metrics
+from masmc_ros.report.measure.table import DIGITS, number, points_of
+from masmc_ros.report.measure.tracking import SMALL
+from masmc_ros.robot.declaration import listed, Point
+
+_EQUAL = 1.05
+"""Ratio of two errors up to which runs track equally well."""
+
+_PERCENT = 100.0
+
+
+def verdict(rows: Mapping[str, Metrics]) -> str:
+    """
+    Return a sentence about the errors of the runs, by their names.
+
+    Several runs are compared by the RMS error of their first common point, and by their torque
+    variation. Empty if no run has errors.
+    """
+    if len(rows) == 1:
+        ((name, row),) = rows.items()
+        return _alone(name, row)
+    for point in points_of(rows.values()):
+        ranked = sorted(
+            ((_rms(row, point), name) for name, row in rows.items()), key=lambda pair: pair[0]
+        )
+        known = [(rms, name) for rms, name in ranked if math.isfinite(rms)]
+        if len(known) > 1:
+            return _compared(point, known, rows)
+    return ''
+
+
+def _alone(name: str, row: Metrics) -> str:
+    errors = [
+        f'{_small(reached.rms, point)} at the {_plain(point)}'
+        for point, reached in row.points.items()
+        if reached.rms is not None and math.isfinite(reached.rms)
+    ]
+    if not errors:
+        return ''
+    window = f'from {row.start:g} s to {row.end:g} s'
+    return f'{name} tracks with an RMS error of {listed(errors)} {window}.'
+
+
+def _compared(
+    point: Point, known: list[tuple[float, str]], rows: Mapping[str, Metrics]
+) -> str:
+    (best, first), (second, following), *_ = known
+    last, worst = known[-1]
+    of_all = f'Of {len(rows)} runs, ' if len(rows) > 2 else ''
+    sentence = f'{of_all}{first} tracks the {_plain(point)}'
+    if second <= _EQUAL * best:
+        if len(known) == 2:
+            also = f'{first} and {following} track the {_plain(point)} equally well'
+            return f'{also}: {_small(best, point)} and {_small(second, point)} RMS.'
+        sentence += f' best ({_small(best, point)} RMS), as well as {following}'
+    else:
+        sentence += f' {_times(second, best)} times better than {following}'
+        sentence += f' ({_small(best, point)} and {_small(second, point)} RMS)'
+    if len(known) > 2:
+        sentence += f' and {_times(last, best)} times better than {worst}'
+    return f'{sentence}{_variation(rows[first], rows[following], following, len(known))}.'
+
+
+def _variation(row: Metrics, other: Metrics, name: str, count: int) -> str:
+    """Return the torque variation relative to that of another run; empty without both."""
+    mine, theirs = row.torque_variation, other.torque_variation
+    if mine is None or not theirs or not math.isfinite(mine) or not math.isfinite(theirs):
+        return ''
+    change = _PERCENT * (mine / theirs - 1.0)
+    than = f' than {name}' if count > 2 else ''
+    if abs(change) < 1.0:
+        return f', at the same torque variation{f" as {name}" if count > 2 else ""}'
+    if mine > 2.0 * theirs:
+        return f', at {number(mine / theirs, DIGITS)} times the torque variation'
+    return f', at {abs(change):.0f} % {"less" if change < 0.0 else "more"} torque variation{than}'
+
+
+def _rms(row: Metrics, point: Point) -> float:
+    """Return the RMS error of a point; infinity without it."""
+    reached = row.points.get(point)
+    return math.inf if reached is None or reached.rms is None else reached.rms
+
+
+def _plain(point: Point) -> str:
+    return point.title.removeprefix('the ')
+
+
+def _small(value: float | None, point: Point) -> str:
+    return f'{number((value or 0.0) * SMALL, DIGITS)} {point.small_unit}'
+
+
+def _times(larger: float, smaller: float) -> str:
+    """Return a ratio with two digits."""
+    return number(larger / smaller, 2) if smaller > 0.0 else 'infinitely many'
