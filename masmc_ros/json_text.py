@@ -26,6 +26,14 @@ def json_text(value: object) -> str:
     return json.dumps(_plain(value), indent=1, allow_nan=False)
 
 
+def with_sizes(paths: Iterable[Path], *, as_json: bool) -> str:
+    """Return written files and their sizes in bytes: a line each, or JSON."""
+    sizes = {path: path.stat().st_size for path in paths}
+    if as_json:
+        return json_text({'files': [{'file': p, 'bytes': n} for p, n in sizes.items()]})
+    return '\n'.join(f'{path}: {size} bytes' for path, size in sizes.items())
+
+
 def _plain(value: Any) -> Any:
     """Return a value that consists of dictionaries, lists, texts, numbers and None."""
     if isinstance(value, np.generic | np.ndarray):

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 import errno
 import os
@@ -14,7 +14,6 @@ import re
 from typing import BinaryIO
 
 from masmc_ros.errors import InputError
-from masmc_ros.json_text import json_text
 
 _unfinished: set[Path] = set()
 
@@ -115,14 +114,6 @@ def write_file(path: Path, content: bytes) -> None:
     """Write a file completely; InputError if it cannot be written."""
     with whole_file(path) as stream:
         stream.write(content)
-
-
-def with_sizes(paths: Iterable[Path], *, as_json: bool) -> str:
-    """Return written files and their sizes in bytes: a line each, or JSON."""
-    sizes = {path: path.stat().st_size for path in paths}
-    if as_json:
-        return json_text({'files': [{'file': p, 'bytes': n} for p, n in sizes.items()]})
-    return '\n'.join(f'{path}: {size} bytes' for path, size in sizes.items())
 
 
 def check_absent(path: Path, *, overwrite: bool) -> None:

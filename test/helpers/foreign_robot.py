@@ -38,8 +38,12 @@ After longer delays of the test robot or of its controller time is lost: on a bu
 with torques that are a tenth of a second old spins up.
 """
 
+ANSWERED = 0.2
+"""Time in s for which a robot with its own clock waits for the answer to a state."""
+
 WATCHDOG = 0.1
 """Time in s without a command after which the drives hold zero velocity."""
+
 
 class ForeignRobot:
     """
@@ -107,7 +111,8 @@ class ForeignRobot:
             Names of the topics of torques and twists, and the type of the twists.
         has_clock
             True for a robot that publishes its time on `/clock`, as simulators do. It waits for
-            answers to its states, so its time passes slowly on a busy machine.
+            the answer to each state, so its time passes slowly on a busy machine, and its torques
+            are as fresh as on an idle one.
 
         """
         hybrid = ('plant.command_interface=hybrid',) if is_hybrid else ()
@@ -135,7 +140,7 @@ class ForeignRobot:
         self.correction = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
         self.publishes_states = True
         self.velocities_seen: list[np.ndarray] = []
-        self._commanded, self._commanded_tick = self._start, 0
+        self._commanded, self._advanced, self._answered_tick = self._start, self._start, 0
         self._clock = tester.publisher(Clock, '/clock') if has_clock else None
         self._states = tester.publisher(JointState, 'joint_states')
         self._odometry = tester.publisher(Odometry, 'odom')
@@ -165,9 +170,10 @@ class ForeignRobot:
     def _on_command(self, raw: bytes) -> None:
         if self._command.load(raw):
             self._torque = self._command.data.copy()
-            self._commanded, self._commanded_tick = time.monotonic(), self._robot.tick
+            self._commanded = time.monotonic()
             self.torques.append(self._torque)
             self.answered.append(self._command.stamp_ns or 0)
+            self._answered_tick = round(1e-9 * self.answered[-1] / self._period)
         else:
             self.wrong.append(raw)
 
@@ -191,10 +197,13 @@ class ForeignRobot:
         self._publish(time.time_ns() - round(self._late * 1e9))
 
     def _advance_clock(self, clock: Any) -> None:
-        """Advance the robot by a tick, unless too many states are without an answer."""
+        """Advance the robot by a tick when its state is answered, or the answer may be lost."""
         self._has_brakes &= not self._torque.any()
-        if not self._has_brakes and self._robot.tick - self._commanded_tick > MOST_TICKS:
+        unanswered = 0 if self._has_brakes else self._robot.tick - self._answered_tick
+        is_awaited = unanswered > 0 and time.monotonic() - self._advanced < ANSWERED
+        if is_awaited or unanswered > MOST_TICKS:
             return
+        self._advanced = time.monotonic()
         self._step(is_held=self._has_brakes)
         stamp = round(self._robot.tick * self._period * 1e9)
         clock.publish(Clock(clock=Time(nanoseconds=stamp).to_msg()))

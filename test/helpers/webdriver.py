@@ -16,6 +16,7 @@ import signal
 import subprocess
 import time
 from typing import Any
+from urllib.error import HTTPError
 from urllib.request import Request, urlopen
 
 from helpers.browser import CHROMIUM
@@ -26,6 +27,10 @@ DRIVER = shutil.which('chromedriver')
 needs_webdriver = pytest.mark.skipif(
     CHROMIUM is None or DRIVER is None, reason='no Chromium with its driver here'
 )
+
+
+class BrowserError(AssertionError):
+    """Error of the browser or of a script in the page, with its message."""
 
 
 class Browser:
@@ -72,8 +77,18 @@ class Browser:
     def result(self, script: str, *arguments: object, patience: float = PATIENCE) -> Any:
         """Run a script until its result is true, for `patience` s at most; return the result."""
         limit = time.monotonic() + patience
-        while not (value := self.run(script, *arguments)) and time.monotonic() < limit:
+        while True:
+            # Elements of a page that is being drawn may be missing: the script fails, and is
+            # repeated.
+            try:
+                value, error = self.run(script, *arguments), None
+            except BrowserError as failure:
+                value, error = None, failure
+            if value or time.monotonic() > limit:
+                break
             time.sleep(0.1)
+        if error is not None:
+            raise error
         return value
 
     def press(self, selector: str, keys: str) -> None:
@@ -100,8 +115,11 @@ class Browser:
         data = None if content is None else json.dumps(content).encode()
         headers = {'Content-Type': 'application/json'}
         request = Request(f'{self._address}{path}', data, headers, method=method)
-        with urlopen(request, timeout=PATIENCE) as response:
-            return json.load(response)['value']
+        try:
+            with urlopen(request, timeout=PATIENCE) as response:
+                return json.load(response)['value']
+        except HTTPError as error:
+            raise BrowserError(f'{path}: {error.read().decode()}') from None
 
 
 @contextmanager

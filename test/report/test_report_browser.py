@@ -47,7 +47,9 @@ LOOK = """
   overTime[1].dispatchEvent(new PointerEvent('pointermove', {
     clientX: left + offset + length / 2, clientY: top + 50,
   }));
-  await settle();
+  // A busy machine draws the next frame late.
+  const isShown = () => document.querySelector('.cursor:not([hidden])');
+  for (let i = 0; i < 50 && !isShown(); i += 1) await settle();
   found.cursors = [...document.querySelectorAll('.cursor')].map((line) => !line.hidden);
   found.values = [...document.querySelectorAll('.values')].map((text) => text.textContent);
   found.units = overTime.map((chart) => chart.layout.yaxis.title.text);

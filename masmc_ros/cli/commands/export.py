@@ -8,8 +8,8 @@ from __future__ import annotations
 import argparse
 
 from masmc_ros.cli.arguments import add_json, add_logs, add_output, add_overwrite
+from masmc_ros.json_text import with_sizes
 from masmc_ros.log.read.reader import read_run
-from masmc_ros.output_files import with_sizes
 from masmc_ros.report.export import check_export, FORMATS, write_export
 from tqdm import tqdm
 
