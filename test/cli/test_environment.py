@@ -103,6 +103,7 @@ def test_demo_foreign_modules_and_ascii_locale_reported(tmp_path: Path) -> None:
     result = run(masmc('demo', '--output', 'jägerδ'), tmp_path, **ASCII)
     assert result.returncode == 0, result.stderr
     assert (tmp_path / 'jägerδ' / 'report' / 'report.html').exists()
+    assert 'Shown: paper.yaml on ROS 2 nodes' in result.stdout
     assert 'Logs: jägerδ/smc.mcap' in result.stdout
 
 

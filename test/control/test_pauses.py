@@ -132,7 +132,7 @@ def test_enable_at_random_position_after_pause_stays_bounded(
 
 
 @pytest.mark.slow
-@settings(max_examples=100, suppress_health_check=list(HealthCheck))
+@settings(max_examples=40, suppress_health_check=list(HealthCheck))
 @given(st.data(), pauses)
 def test_enable_after_random_long_pause_stays_bounded(data: st.DataObject, pause: float) -> None:
     check_any_pause(data, pause)

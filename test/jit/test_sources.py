@@ -222,8 +222,9 @@ print(json.dumps([sorted(listener.files), sorted(sources.closure(files))]))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('mechanism', ['two_link', 'tree'])
-@pytest.mark.parametrize('law', ['rasmc', 'fuzzy_model'])
+@pytest.mark.parametrize(
+    ('mechanism', 'law'), [('two_link', 'rasmc'), ('two_link', 'fuzzy_model'), ('tree', 'rasmc')]
+)
 def test_sources_contain_all_compiled_functions(
     mechanism: str, law: str, tmp_path: Path
 ) -> None:

@@ -226,7 +226,7 @@ def test_recover_chunks_after_damaged_one_keep_order(
             assert result.dropped >= indexes[broken].chunk_length
 
 
-@pytest.mark.parametrize('step', [701, pytest.param(211, marks=pytest.mark.slow)])
+@pytest.mark.parametrize('step', [701, pytest.param(509, marks=pytest.mark.slow)])
 def test_recover_damaged_summary_is_rewritten(
     step: int, logs: list[bytes], tmp_path: Path
 ) -> None:

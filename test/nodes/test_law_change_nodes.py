@@ -349,7 +349,7 @@ def test_law_change_through_all_laws_each_used(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_law_change_tree_through_some_laws_commands_continue(tmp_path: Path) -> None:
     """
-    Change to every eighth law.
+    Change to every sixteenth law.
 
     `python -m benchmarks.real_time laws` prints the latest command after each change to any law.
     """
@@ -357,7 +357,7 @@ def test_law_change_tree_through_some_laws_commands_continue(tmp_path: Path) -> 
         values = load_scenario(str(TIAGO))['controller']
     except UserError as missing:
         pytest.skip(str(missing))
-    laws = [law.name for law in fitting(mechanism_from(values))][::8]
+    laws = [law.name for law in fitting(mechanism_from(values))][::16]
     with running(tmp_path, TIAGO, controller__runaway_detection='false') as controller:
         default = values['law']
         controller.uses(law=default)

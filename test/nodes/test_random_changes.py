@@ -21,7 +21,7 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
-EXAMPLES, FEW, CHANGES = 200, 12, 25
+EXAMPLES, FEW, CHANGES = 80, 12, 25
 AT_ONCE = 5
 """Number of simultaneous requests; a service queues at most ten."""
 DECLARED = {p.name: p for p in declared('controller') if not p.read_only}

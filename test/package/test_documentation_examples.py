@@ -11,8 +11,8 @@ Blocks of README.md and docs/ are run, page by page, in a separate folder and RO
 - YAML: a block that starts with `# NAME.yaml` is written to this file, or appended to it.
 - Shell: `masmc` commands, and their equivalents `ros2 run` and `ros2 param`. Simulations are
   shortened, and comparisons have few laws. A node runs until the page ends or starts it again.
-  Plain Python computes single runs and those of URDF robots, with the same bits: compiling them
-  takes longer than so few ticks.
+  Plain Python computes them and those of URDF robots, with the same bits: compiling them takes
+  longer than so few ticks. The demo runs in other tests.
 - Console: as shell, and the output must be the documented one; `...` stands for any text.
 - Diff: the unchanged and the added lines are in the file that the text names before.
 
@@ -56,6 +56,13 @@ TREES = 'my_robot.yaml', 'tiago', 'config/tiago.yaml'
 
 OTHER_NODES = '/plant', '/trajectory'
 """Nodes other than the controller whose parameters pages change."""
+
+COMPILED = {'excite', 'run', 'warm'}
+PLANAR = dict.fromkeys(('config/tiago.yaml', 'config/ur5.yaml', 'tiago'), 'config/paper.yaml')
+"""Commands that compile the code of URDF robots for minutes: pages run them with the planar one.
+
+Tests of identification, of law changes and of the launch files run them with URDF robots.
+"""
 
 CAMPAIGNS = ('sweep', 'monte-carlo', 'tune')
 
@@ -192,14 +199,16 @@ class PageRun:
 
     def _run(self, words: Sequence[str]) -> str | None:
         """Run a command, if it is one of this package; return its output."""
+        if COMPILED & set(words[1:2]):
+            words = [PLANAR.get(word, word) for word in words]
         match list(words):
             case ['masmc' | 'ros2', 'run', *arguments] if '--help' not in arguments:
                 self._start([word for word in arguments if word != 'masmc_ros'])
                 return ''
             case ['masmc', 'view' | 'play', *arguments]:
                 return self._serve(words[1], arguments)
-            case ['masmc', 'demo', *arguments] if '--robot' in arguments:
-                return None  # as long as a whole run of this robot
+            case ['masmc', 'demo', *_]:
+                return None  # test_environment.py executes it
             case ['masmc', *arguments] if '--scheduler' in arguments:
                 return None  # test_cluster.py has one
             case ['masmc', 'laws', '--cost']:
@@ -231,7 +240,8 @@ class PageRun:
                 arguments[arguments.index(option) + 1] = value
         if command == 'compare' and '--laws' not in arguments:
             arguments += ['--laws', 'smc,rasmc']
-        is_interpreted = is_shortened and (command == 'simulate' or arguments[1] in TREES)
+        is_single = command in ('simulate', 'compare')
+        is_interpreted = is_shortened and (is_single or arguments[1] in TREES)
         return arguments, is_interpreted
 
     def _masmc(self, arguments: list[str], is_interpreted: bool = False) -> str:

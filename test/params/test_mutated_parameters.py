@@ -21,7 +21,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 SOURCES = [ROOT / 'config' / name for name in ('paper.yaml', 'robust.yaml')]
-FILES, LIMIT = 500, 900.0
+FILES, LIMIT = 150, 900.0
 """Number of mutated files, and the time limit in s for all of them."""
 
 TICKS, LONGEST = 20, 20.0

@@ -112,6 +112,8 @@ def test_control_nodes_few_killed_subscribers_continue(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('kind', KINDS)
-def test_control_nodes_sixty_killed_subscribers_continue(kind: str, tmp_path: Path) -> None:
-    kill((kind,), 60, tmp_path)
+@pytest.mark.parametrize(('kind', 'count'), ({**dict.fromkeys(KINDS, 16), 'listener': 60}).items())
+def test_control_nodes_many_killed_subscribers_continue(
+    kind: str, count: int, tmp_path: Path
+) -> None:
+    kill((kind,), count, tmp_path)
