@@ -24,7 +24,7 @@ from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import closed_loop, plant_start
 from masmc_ros.loop.simulated_robot import delay_line
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.params.scenario import load_scenario
+from masmc_ros.scenario.scenario import load_scenario
 from masmc_ros.share import shared_file
 import numpy as np
 

@@ -36,9 +36,9 @@ from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.parameter_record import read_record
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.nodes.middleware.qos import subscription_qos
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.joint_names import driven_joint_names
 from masmc_ros.robot.mechanisms import mechanism_from
+from masmc_ros.scenario.scenario import load_scenario
 from masmc_ros.share import shared_file
 import numpy as np
 from rcl_interfaces.srv import SetParametersAtomically

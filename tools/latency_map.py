@@ -18,7 +18,7 @@ from typing import Any
 from masmc_ros.errors import InputError
 from masmc_ros.law.parts.delay_gains import gain_of_rule, horizon_of_rule, slope_of_rule
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.params.scenario import load_scenario
+from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 from numpy.typing import NDArray
 

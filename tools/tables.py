@@ -26,9 +26,9 @@ from masmc_ros.law.reaching.reaching import BOUNDARY_LAYER
 from masmc_ros.messages.topics import SYSTEM_TOPICS, TOPICS
 from masmc_ros.params import plug_ins
 from masmc_ros.params.documentation import markdown_table
-from masmc_ros.params.node_parameters import declared, NODES, shared
 from masmc_ros.report.measure.labels import OBSERVER
 from masmc_ros.report.measure.tracking import SMALL
+from masmc_ros.scenario.node_parameters import declared, NODES, shared
 import numpy as np
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -14,8 +14,8 @@ import shlex
 
 from masmc_ros.api.settings import settings_of
 from masmc_ros.params.declaration import Values
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.robot import Robot, robot_of
+from masmc_ros.scenario.scenario import load_scenario
 from masmc_ros.share import scenario_file
 
 

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from masmc_ros.errors import InputError
 from masmc_ros.params.declaration import Values
-from masmc_ros.params.node_parameters import declared, shared
-from masmc_ros.params.scenario import source_of
 from masmc_ros.params.text import yaml_text
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.mechanisms import mechanism_from
+from masmc_ros.scenario.node_parameters import declared, shared
+from masmc_ros.scenario.scenario import source_of
 import numpy as np
 
 _NODES = ('controller', 'plant', 'trajectory')

@@ -16,13 +16,13 @@ from masmc_ros.api.scenario import load, Scenario
 from masmc_ros.loop.signals import Signal, SIGNALS
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.params.declaration import Values
-from masmc_ros.params.scenario import activation
 from masmc_ros.report.measure.adaptation import relative, TrueTheta
 from masmc_ros.report.measure.labels import law_label
 from masmc_ros.report.measure.metrics import Metrics, MetricSamples
 from masmc_ros.report.measure.table import html_table, text_table
 from masmc_ros.robot.declaration import Coordinate, Mechanism, Quantity
 from masmc_ros.robot.robot import robot_of
+from masmc_ros.scenario.scenario import activation
 import numpy as np
 from numpy.typing import NDArray
 

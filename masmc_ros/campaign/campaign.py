@@ -29,8 +29,8 @@ from masmc_ros.law import registry
 from masmc_ros.law.law import Law
 from masmc_ros.loop.batch_simulation import of_all_lanes
 from masmc_ros.loop.simulated_robot import RIGID
-from masmc_ros.params.scenario import check_start
 from masmc_ros.params.text import yaml_text
+from masmc_ros.scenario.scenario import check_start
 import numpy as np
 
 SEED = 'plant.seed'

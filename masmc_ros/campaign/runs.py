@@ -17,10 +17,10 @@ from masmc_ros.campaign.variable import ScenarioValues, Variable
 from masmc_ros.jit.record import AT_RUN_TIME
 from masmc_ros.log.write.provenance import git_state
 from masmc_ros.params.declaration import check_all, MutableValues
-from masmc_ros.params.node_parameters import declared
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.declaration import Mechanism, URDF
 from masmc_ros.robot.mechanisms import mechanism_from
+from masmc_ros.scenario.node_parameters import declared
+from masmc_ros.scenario.scenario import load_scenario
 
 NODES = ('plant', 'trajectory', 'controller')
 """Nodes of a simulated run."""

@@ -13,8 +13,8 @@ from masmc_ros.errors import InputError
 from masmc_ros.params.blocks import read_blocks
 from masmc_ros.params.declaration import Values
 from masmc_ros.params.file import anywhere
-from masmc_ros.params.node_parameters import NODES
-from masmc_ros.params.scenario import load_scenario, source_of
+from masmc_ros.scenario.node_parameters import NODES
+from masmc_ros.scenario.scenario import load_scenario, source_of
 import yaml
 
 _BLOCK = '/**/plant: {ros__parameters: {duration: 1.0}}'

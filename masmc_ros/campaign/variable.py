@@ -13,9 +13,9 @@ import re
 from masmc_ros.aliases import AnyArray
 from masmc_ros.errors import InputError
 from masmc_ros.params.declaration import MutableValues, Parameter, Value, Values
-from masmc_ros.params.scenario import readers
 from masmc_ros.params.text import yaml_text
 from masmc_ros.robot.declaration import Mechanism
+from masmc_ros.scenario.scenario import readers
 import numpy as np
 
 _ENTRY = re.compile(r'(.+)\[([0-9]+)\]')

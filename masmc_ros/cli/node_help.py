@@ -9,7 +9,7 @@ import shutil
 import textwrap
 
 from masmc_ros.params.documentation import plain_list
-from masmc_ros.params.node_parameters import declared, shared
+from masmc_ros.scenario.node_parameters import declared, shared
 
 _COMPOSED = ('plant', 'trajectory', 'controller', 'recorder')
 _WIDEST = 99

@@ -10,9 +10,9 @@ import sys
 from textwrap import fill
 from typing import Any, TYPE_CHECKING
 
-from masmc_ros.params.scenario import source_of
 from masmc_ros.params.text import yaml_text
 from masmc_ros.report.aligned import WIDTH
+from masmc_ros.scenario.scenario import source_of
 
 if TYPE_CHECKING:
     from masmc_ros.robot.tree.urdf_defaults import Defaults

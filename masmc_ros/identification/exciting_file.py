@@ -22,10 +22,10 @@ from masmc_ros.identification.parameter_file import write_parameters
 from masmc_ros.messages.topics import PARAMETER_NODES
 from masmc_ros.params.declaration import MutableValues, Values
 from masmc_ros.params.file import EVERY
-from masmc_ros.params.node_parameters import declared, shared
 from masmc_ros.robot.declaration import Quantity
 from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.robot.robot import robot_of
+from masmc_ros.scenario.node_parameters import declared, shared
 import numpy as np
 
 _STEP = 0.1

@@ -15,9 +15,9 @@ from masmc_ros.law.parts.delay_fields import LONGEST
 from masmc_ros.output_files import write_file
 from masmc_ros.params.declaration import Values
 from masmc_ros.params.file import parameter_file_text
-from masmc_ros.params.node_parameters import declared
 from masmc_ros.robot.declaration import URDF
 from masmc_ros.robot.mechanisms import mechanism_from
+from masmc_ros.scenario.node_parameters import declared
 
 
 def write_identified(

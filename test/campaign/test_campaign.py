@@ -12,7 +12,7 @@ from masmc_ros.campaign.axes import axis
 from masmc_ros.campaign.campaign import Campaign, campaign_of
 from masmc_ros.campaign.draws import draw
 from masmc_ros.cli.main import main
-from masmc_ros.params.scenario import load_scenario
+from masmc_ros.scenario.scenario import load_scenario
 import pytest
 
 PAPER = str(Path(__file__).parents[2] / 'config' / 'paper.yaml')

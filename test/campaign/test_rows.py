@@ -29,8 +29,8 @@ from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
 from masmc_ros.loop.batch_simulation import BatchSimulation
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.report.measure.metrics import Metrics, MetricSamples
+from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 from pyarrow import parquet
 import pytest

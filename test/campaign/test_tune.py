@@ -20,10 +20,10 @@ from masmc_ros.campaign.part import rows
 from masmc_ros.campaign.tune import Candidate, pareto_front, searched, variables_of
 from masmc_ros.campaign.tuned_file import BaseFile
 from masmc_ros.cli.main import main
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.params.text import yaml_text
 from masmc_ros.report.measure.metrics import metrics
 from masmc_ros.robot.two_link.paper_robot import TWO_LINK
+from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
 

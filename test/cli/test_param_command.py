@@ -17,7 +17,7 @@ from helpers.child_environment import child_environment, domain_variables
 from helpers.command_process import run_command
 from helpers.processes import PATIENCE, peer, Processes, processes
 from masmc_ros.params.file import read
-from masmc_ros.params.node_parameters import declared
+from masmc_ros.scenario.node_parameters import declared
 import pytest
 from rcl_interfaces.msg import Parameter, ParameterEvent
 from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters

@@ -22,7 +22,7 @@ from helpers.viewed_run import computed_run
 from masmc_ros.cli.commands import demo
 from masmc_ros.cli.main import COMMANDS, main
 from masmc_ros.nodes.process.command_line import parse
-from masmc_ros.params.node_parameters import declared, NODES
+from masmc_ros.scenario.node_parameters import declared, NODES
 import pytest
 from test_bad_input import error_line, PAPER, PATIENCE
 

@@ -17,7 +17,7 @@ from masmc_ros.errors import InputError
 from masmc_ros.law.plug_in import TickInput
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.params import plug_ins
-from masmc_ros.params.scenario import load_scenario
+from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
 

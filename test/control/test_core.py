@@ -36,9 +36,9 @@ from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.params.declaration import check_all
-from masmc_ros.params.node_parameters import declared
 from masmc_ros.reference.approach import Approach
 from masmc_ros.robot.robot import robot_of
+from masmc_ros.scenario.node_parameters import declared
 import numpy as np
 
 PERIOD = 0.01

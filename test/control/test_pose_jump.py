@@ -11,12 +11,12 @@ from typing import NamedTuple
 
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulated_robot import plant_of
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.reference.approach import Approach
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.robot.base_pose import BasePose
 from masmc_ros.robot.dead_reckoning import DeadReckoning
 from masmc_ros.robot.robot import robot_of
+from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 from numpy.typing import NDArray
 import pytest

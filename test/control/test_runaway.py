@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from masmc_ros.law.registry import LAWS
 from masmc_ros.loop.runaway import RunawayWatch
-from masmc_ros.params.scenario import load_scenario
+from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
 

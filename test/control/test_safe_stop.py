@@ -16,8 +16,8 @@ from masmc_ros.jit.lanes import lane_of
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.safe_stop import GRAVITY, HOLD, SafeStop, VOID
 from masmc_ros.loop.simulated_robot import plant_of
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.robot import robot_of
+from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
 

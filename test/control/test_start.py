@@ -8,7 +8,7 @@ from __future__ import annotations
 from helpers.core_loop import CoreLoop
 from helpers.processes import PAPER
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.params.scenario import load_scenario
+from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
 

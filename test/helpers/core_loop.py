@@ -26,11 +26,11 @@ from masmc_ros.loop.simulated_robot import plant_of
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.params.declaration import check_all
-from masmc_ros.params.node_parameters import declared
 from masmc_ros.reference.approach import Approach
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.robot.robot import robot_of
+from masmc_ros.scenario.node_parameters import declared
 import numpy as np
 
 

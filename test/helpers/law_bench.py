@@ -20,8 +20,8 @@ from masmc_ros.jit.compiled import interpreted
 from masmc_ros.loop.closed_loop import control_tick
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.robot import robot_of
+from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 
 PAPER = str(Path(__file__).parents[2] / 'config' / 'paper.yaml')

@@ -15,8 +15,8 @@ from masmc_ros.compare.trials import drawn_robot
 from masmc_ros.law.registry import LAWS, SWITCHING
 from masmc_ros.loop.batch_simulation import BatchSimulation
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.two_link.paper_robot import TWO_LINK
+from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 
 PAPER = str(Path(__file__).parents[2] / 'config' / 'paper.yaml')

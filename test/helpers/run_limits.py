@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 from masmc_ros.loop.controller_events import ACTIVATED
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.tick_block import Change
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.mechanisms import mechanism_from
+from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 from numpy.typing import NDArray
 

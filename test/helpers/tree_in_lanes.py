@@ -18,7 +18,7 @@ from typing import Any
 from helpers.small_tree import hand_at_start, write_scenario
 from masmc_ros.loop.batch_simulation import BatchSimulation
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.params.scenario import load_scenario
+from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 
 OF_LANES = (

@@ -34,9 +34,9 @@ from masmc_ros.identification.latency_fit import Estimate, LatencyFit
 from masmc_ros.identification.nominal import nominal_of, of_its_kind
 from masmc_ros.identification.parameter_file import unwritten_timing, write_identified
 from masmc_ros.identification.payload import payload_of
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.mechanisms import DEFAULT as PLANAR
 from masmc_ros.robot.robot import Robot, robot_of
+from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
 

@@ -13,9 +13,9 @@ from masmc_ros.errors import InputError
 from masmc_ros.identification.samples import samples_of
 from masmc_ros.log.read.decode import Series
 from masmc_ros.log.read.reader import read_run, Run
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.robot.robot import robot_of
+from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
 

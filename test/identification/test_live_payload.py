@@ -23,9 +23,9 @@ from masmc_ros.identification.live_payload import (
 from masmc_ros.identification.load import Load
 from masmc_ros.identification.nominal import nominal_of
 from masmc_ros.identification.samples import Samples
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.mechanisms import DEFAULT as PLANAR
 from masmc_ros.robot.robot import Robot, robot_of
+from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
 

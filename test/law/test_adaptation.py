@@ -14,8 +14,8 @@ from helpers.scenario import axes, Scenario, whole
 from hypothesis import given
 from masmc_ros.law.parts.adaptation import beyond_dead_zone, pulled_estimate
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.gradient_step import gradient_step
+from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
 

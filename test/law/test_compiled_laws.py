@@ -23,7 +23,7 @@ import json
 import numpy as np
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.params.scenario import load_scenario
+from masmc_ros.scenario.scenario import load_scenario
 
 names = 'controller.law=explicit_twisting', 'duration=2.0', 'controller.model_scale=1.0'
 whole, single = (Simulation(load_scenario('config/paper.yaml', names)) for _ in range(2))

@@ -9,9 +9,9 @@ from pathlib import Path
 
 from helpers.small_tree import hand_at_start, write_scenario
 from masmc_ros.law import registry
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.robot.two_link.paper_robot import TWO_LINK
+from masmc_ros.scenario.scenario import load_scenario
 
 
 def test_default_gain_in_newtons_is_a_tenth_for_axes_in_rad(tmp_path: Path) -> None:

@@ -17,9 +17,9 @@ from masmc_ros.law import registry
 from masmc_ros.law.registry import LAWS
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.robot.two_link.paper_robot import TWO_LINK
+from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
 

@@ -24,7 +24,7 @@ from helpers.robots import between
 from hypothesis import assume, given
 from masmc_ros.errors import InputError
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.params.scenario import load_scenario
+from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 from numpy.typing import NDArray
 import pytest

@@ -22,7 +22,7 @@ from masmc_ros.loop.controller_events import (
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.tick_block import Change, TickBlock
 from masmc_ros.messages.parameter_record import ParameterRecord, read_record
-from masmc_ros.params.scenario import load_scenario, logged_scenario
+from masmc_ros.scenario.scenario import load_scenario, logged_scenario
 import numpy as np
 import pytest
 

@@ -20,8 +20,8 @@ from helpers.javascript_readers import read_log, run_read_log, SOURCES
 from helpers.robots import task_positions
 from helpers.viewed_run import computed_run, decoded, ROOT
 from masmc_ros.log.read.reader import read_run
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.robot import robot_of
+from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
 

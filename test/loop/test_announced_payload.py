@@ -16,8 +16,8 @@ from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.tick_block import Change
 from masmc_ros.params.declaration import Values
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.robot import robot_of
+from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
 

@@ -19,12 +19,12 @@ from masmc_ros.loop.controller_events import DEACTIVATED
 from masmc_ros.loop.simulated_robot import plant_of
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.tick_block import Change, TickBlock
-from masmc_ros.params.node_parameters import declared
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.robot.two_link.geometry import Geometry
+from masmc_ros.scenario.node_parameters import declared
+from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
 

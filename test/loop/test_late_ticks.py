@@ -14,9 +14,9 @@ from helpers.scenario import Scenario
 from masmc_ros.errors import InputError
 from masmc_ros.loop.layer_bound import least_task_inertia, longest_hold, thinnest_layer
 from masmc_ros.params.declaration import check_all, Values
-from masmc_ros.params.node_parameters import declared
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.two_link.paper_robot import TORQUE_LIMIT, TWO_LINK
+from masmc_ros.scenario.node_parameters import declared
+from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
 from test_stability_bounds import CHATTERING, SMOOTH, variation

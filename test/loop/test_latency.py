@@ -11,8 +11,8 @@ from latency_map import error_of, growth
 from masmc_ros.loop.closed_loop import NOT_FINITE
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.robot import robot_of
+from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
 

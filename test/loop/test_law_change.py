@@ -17,8 +17,8 @@ from masmc_ros.law import registry
 from masmc_ros.loop import preparation
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.preparation import Code, Effect, LawChange
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.robot import robot_of
+from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
 
@@ -276,7 +276,7 @@ BUSY_PROCESSOR = """
 import os, subprocess, sys, time
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.preparation import LawChange
-from masmc_ros.params.scenario import load_scenario
+from masmc_ros.scenario.scenario import load_scenario
 from masmc_ros.robot.robot import robot_of
 
 values = load_scenario(sys.argv[1])['controller']

@@ -12,9 +12,9 @@ from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.messages.names import DRIVEN_JOINTS
 from masmc_ros.nodes.controller.health import Saturation
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.robot.robot import robot_of
+from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
 

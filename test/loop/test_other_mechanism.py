@@ -13,8 +13,8 @@ from helpers.log_contents import read_log
 from helpers.processes import processes, ros_arguments
 from masmc_ros.cli.main import main
 from masmc_ros.log.read.reader import read_run
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.mechanisms import ENTRY_POINTS
+from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
 import sympy as sp

@@ -15,9 +15,9 @@ from masmc_ros.law.smc import SMC
 from masmc_ros.loop import preparation
 from masmc_ros.loop.closed_loop import control_tick, post_update
 from masmc_ros.loop.controller import Controller
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.robot.two_link.paper_robot import TWO_LINK
+from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
 

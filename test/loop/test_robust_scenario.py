@@ -9,7 +9,7 @@ from pathlib import Path
 
 from helpers.robots import Array
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.params.scenario import load_scenario
+from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
 

@@ -24,7 +24,7 @@ from masmc_ros.loop.dense import tick_input
 from masmc_ros.loop.layer_bound import least_task_inertia
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.numerics.scalars import plus
-from masmc_ros.params.scenario import load_scenario
+from masmc_ros.scenario.scenario import load_scenario
 from numba.core import event
 from numba.core.runtime import _nrt_python, rtsys
 import numpy as np

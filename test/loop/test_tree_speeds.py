@@ -13,7 +13,7 @@ import sys
 from helpers.child_environment import child_environment
 from helpers.run_limits import limits_of
 from helpers.small_tree import hand_at_start, write_scenario
-from masmc_ros.params.scenario import load_scenario
+from masmc_ros.scenario.scenario import load_scenario
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -16,8 +16,8 @@ from helpers.small_tree import START, URDF
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.messages.names import ACTUAL_PATH_TOPIC, DESIRED_PATH_TOPIC
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.robot import robot_description
+from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 from numpy.typing import NDArray
 import pytest

@@ -13,10 +13,10 @@ from masmc_ros.loop import records
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.tick_block import TickBlock
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.plant_model.drives import drive, joint_inertias
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.robot.two_link.paper_robot import TWO_LINK
+from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
 

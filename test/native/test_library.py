@@ -16,7 +16,7 @@ from masmc_ros.law.registry import LAWS
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.native.library import write_library
 from masmc_ros.native.targets import TARGETS
-from masmc_ros.params.scenario import load_scenario
+from masmc_ros.scenario.scenario import load_scenario
 import pytest
 
 HOST = 'x86_64-linux-gnu'

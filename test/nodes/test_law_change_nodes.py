@@ -33,8 +33,8 @@ from masmc_ros.loop.preparation import fitting
 from masmc_ros.messages.parameter_record import ParameterRecord, read_record
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.messages.string_message import text_of
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.mechanisms import mechanism_from
+from masmc_ros.scenario.scenario import load_scenario
 import pytest
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from helpers.processes import peer, processes, ros_arguments
-from masmc_ros.params.node_parameters import declared
+from masmc_ros.scenario.node_parameters import declared
 import pytest
 from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParametersAtomically

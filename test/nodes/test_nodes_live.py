@@ -38,7 +38,7 @@ from masmc_ros.messages.string_message import text_of
 from masmc_ros.messages.topics import SYSTEM_TOPICS, TOPICS
 from masmc_ros.nodes.live.node import SAMPLED
 from masmc_ros.nodes.middleware.qos import publisher_qos
-from masmc_ros.params.scenario import load_scenario
+from masmc_ros.scenario.scenario import load_scenario
 from nav_msgs.msg import Path as Path_
 import numpy as np
 import pytest

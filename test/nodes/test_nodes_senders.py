@@ -17,8 +17,8 @@ from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.names import JOINTS
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.numerics.hermite import quintic
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.robot import robot_of
+from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 from numpy.typing import NDArray
 import pytest

@@ -22,11 +22,11 @@ from masmc_ros.messages.platform_messages import OdometryCdr
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.nodes.trajectory.path_messages import PathMessages, PathRequest
 from masmc_ros.nodes.trajectory.received_paths import ReceivedPaths
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.reference.joint_path import JointPoints
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.robot.joint_names import joint_names
 from masmc_ros.robot.robot import robot_of
+from masmc_ros.scenario.scenario import load_scenario
 from nav_msgs.msg import Odometry
 from nav_msgs.msg import Path as PathMessage
 import numpy as np

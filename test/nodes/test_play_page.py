@@ -14,7 +14,7 @@ from helpers.processes import BOUNDED, PAPER, Peer, peer, processes, ros_argumen
 from helpers.webdriver import Browser, browser, needs_webdriver, PATIENCE
 from masmc_ros.cli.main import main
 from masmc_ros.messages.parameter_record import read_record
-from masmc_ros.params.scenario import load_scenario
+from masmc_ros.scenario.scenario import load_scenario
 import pytest
 from rcl_interfaces.srv import GetParameters
 from rclpy.parameter import parameter_value_to_python

@@ -15,11 +15,11 @@ from masmc_ros.log.read.reader import read_run
 from masmc_ros.nodes.play.gains import gain_text, level_of, scaled, slider_range, SLIDERS
 from masmc_ros.nodes.play.run_report import write_report_so_far
 from masmc_ros.nodes.play.samples import SampleWindow, WINDOW
-from masmc_ros.params.node_parameters import declared
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.robot.shown_parameters import shown_parameters
+from masmc_ros.scenario.node_parameters import declared
+from masmc_ros.scenario.scenario import load_scenario
 from masmc_ros.share import scenario_file
 import numpy as np
 import pytest

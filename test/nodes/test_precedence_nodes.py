@@ -15,7 +15,7 @@ from helpers.processes import PAPER, peer, processes
 from masmc_ros.cli.main import main
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.messages.parameter_record import read_record
-from masmc_ros.params.scenario import load_scenario
+from masmc_ros.scenario.scenario import load_scenario
 import pytest
 from std_msgs.msg import String
 

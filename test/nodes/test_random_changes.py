@@ -14,7 +14,7 @@ from hypothesis import given, HealthCheck, Phase, settings
 from hypothesis import strategies as st
 from masmc_ros.errors import InputError
 from masmc_ros.messages.parameter_record import read_record
-from masmc_ros.params.node_parameters import declared
+from masmc_ros.scenario.node_parameters import declared
 import pytest
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter, parameter_value_to_python

@@ -11,7 +11,7 @@ from pathlib import Path
 from helpers.launch_file import launched
 from helpers.processes import peer, processes
 from masmc_ros.messages.parameter_record import read_record
-from masmc_ros.params.scenario import load_scenario
+from masmc_ros.scenario.scenario import load_scenario
 from masmc_ros.share import scenarios
 import pytest
 from rclpy.node import Node

@@ -25,10 +25,10 @@ from masmc_ros.messages.commands import ArmVelocityCdr
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.platform_messages import TwistCdr, TwistStampedCdr
 from masmc_ros.messages.reference_window import ReferenceWindow
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.reference.windows import ReferenceWindows
 from masmc_ros.report.measure.parameters import run_robot
 from masmc_ros.robot.robot import robot_of
+from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
 from sensor_msgs.msg import JointState

@@ -9,9 +9,9 @@ import re
 from types import ModuleType
 
 from masmc_ros.params.file import read
-from masmc_ros.params.node_parameters import declared, NODES
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.two_link.paper_robot import TORQUE_LIMIT, TORQUE_RATE_LIMIT
+from masmc_ros.scenario.node_parameters import declared, NODES
+from masmc_ros.scenario.scenario import load_scenario
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]

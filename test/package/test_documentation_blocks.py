@@ -31,9 +31,9 @@ from masmc_ros.errors import InputError
 from masmc_ros.messages.names import JOINTS
 from masmc_ros.messages.topics import TOPICS
 from masmc_ros.nodes.trajectory.path_messages import PathMessages
-from masmc_ros.params.node_parameters import declared
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.mechanisms import DEFAULT, mechanism_from
+from masmc_ros.scenario.node_parameters import declared
+from masmc_ros.scenario.scenario import load_scenario
 import pytest
 from rclpy.serialization import serialize_message
 import yaml

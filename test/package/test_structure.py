@@ -12,33 +12,10 @@ import tokenize
 
 PACKAGE = Path(__file__).parents[2] / 'masmc_ros'
 
-PARAMETERS_OF_NODES = ('params.node_parameters', 'params.scenario')
-"""Modules of `params/` with the declarations of all nodes, which stand in all folders above."""
-
+PAGE = PACKAGE.parent / 'docs' / 'development' / 'architecture.md'
 ORDER = (
     '',  # modules such as errors
-    'params',
-    'jit',
-    'numerics',
-    'robot',
-    'plant_model',
-    'law',
-    'reference',
-    'loop',
-    'native',
-    'physics',
-    'messages',
-    'control',
-    'plant',
-    'log',
-    *PARAMETERS_OF_NODES,
-    'report',
-    'identification',
-    'campaign',
-    'compare',
-    'api',
-    'nodes',
-    'cli',
+    *re.findall(r'^\| `masmc_ros/(\w+)/` \|', PAGE.read_text(encoding='utf-8'), re.MULTILINE),
 )
 """Folders in the order of data flow; a folder imports only itself and earlier ones."""
 
@@ -71,9 +48,11 @@ def imported(path: Path) -> set[tuple[str, ...]]:
 
 def place_of(parts: tuple[str, ...]) -> str:
     """Return the entry of ORDER for a module."""
-    if '.'.join(parts[:2]) in PARAMETERS_OF_NODES:
-        return '.'.join(parts[:2])
     return parts[0] if parts and (PACKAGE / parts[0]).is_dir() else ''
+
+
+def test_page_of_architecture_has_every_folder() -> None:
+    assert sorted(ORDER[1:]) == sorted(path.parent.name for path in PACKAGE.glob('*/__init__.py'))
 
 
 def test_imports_follow_order_of_folders() -> None:

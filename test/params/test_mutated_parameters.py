@@ -15,8 +15,8 @@ import time
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.params.node_parameters import declared, NODES
-from masmc_ros.params.scenario import activation, load_scenario
+from masmc_ros.scenario.node_parameters import declared, NODES
+from masmc_ros.scenario.scenario import activation, load_scenario
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from masmc_ros.errors import InputError
-from masmc_ros.params.node_parameters import declared
+from masmc_ros.scenario.node_parameters import declared
 import pytest
 
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from masmc_ros.errors import InputError
 from masmc_ros.params.file import read
 from masmc_ros.params.precedence import node_values
-from masmc_ros.params.scenario import load_scenario
+from masmc_ros.scenario.scenario import load_scenario
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]

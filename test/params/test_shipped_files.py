@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from masmc_ros.params.file import read
-from masmc_ros.params.node_parameters import NODES
+from masmc_ros.scenario.node_parameters import NODES
 from masmc_ros.share import scenarios
 import pytest
 

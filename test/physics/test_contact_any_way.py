@@ -15,11 +15,11 @@ from masmc_ros.errors import InputError
 from masmc_ros.loop.signals import CONTACT, largest_slip
 from masmc_ros.loop.simulated_robot import plant_of, SimulatedRobot
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.params.node_parameters import declared
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.physics.mujoco_model import contact_model
 from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.robot.robot import robot_of
+from masmc_ros.scenario.node_parameters import declared
+from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 from numpy.typing import NDArray
 import pytest

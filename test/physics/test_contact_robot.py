@@ -20,12 +20,12 @@ from masmc_ros.loop.signals import CONTACT, largest_slip
 from masmc_ros.loop.simulated_robot import plant_of, SimulatedRobot
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.tick_block import TickBlock
-from masmc_ros.params.node_parameters import declared
-from masmc_ros.params.scenario import activation, load_scenario
 from masmc_ros.physics.mujoco_model import contact_model
 from masmc_ros.plant_model.drives import joint_inertias
 from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.robot.robot import robot_of
+from masmc_ros.scenario.node_parameters import declared
+from masmc_ros.scenario.scenario import activation, load_scenario
 import mujoco
 import numpy as np
 from numpy.typing import NDArray

@@ -13,9 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from masmc_ros.errors import InputError
 from masmc_ros.loop.simulated_robot import plant_of, SimulatedRobot
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.two_link.dynamics import BaseParameters, inertia, inertia_times
 from masmc_ros.robot.two_link.geometry import Geometry, posture, quasi_velocity
+from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
 

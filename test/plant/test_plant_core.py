@@ -15,7 +15,6 @@ from masmc_ros.control.actions import Failure, Line, Wait
 from masmc_ros.loop.simulated_robot import plant_of
 from masmc_ros.loop.timing import LATE_TICKS, Timing
 from masmc_ros.params.declaration import check_all
-from masmc_ros.params.node_parameters import declared
 from masmc_ros.plant.latest_command import CommandPart, Commands
 from masmc_ros.plant.lockstep import LockStep
 from masmc_ros.plant.plant_core import (
@@ -29,6 +28,7 @@ from masmc_ros.plant.plant_core import (
 )
 from masmc_ros.plant.real_time import RealTime
 from masmc_ros.robot.mechanisms import mechanism_from
+from masmc_ros.scenario.node_parameters import declared
 import numpy as np
 import pytest
 

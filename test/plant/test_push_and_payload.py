@@ -19,11 +19,11 @@ from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.tick_block import Change
 from masmc_ros.loop.timing import Timing
 from masmc_ros.params.declaration import MutableValues
-from masmc_ros.params.scenario import logged_scenario
 from masmc_ros.plant.latest_command import CommandPart, Commands
 from masmc_ros.plant.lockstep import LockStep
 from masmc_ros.plant.plant_core import EndPush, Publish
 from masmc_ros.report.measure.adaptation import adaptation
+from masmc_ros.scenario.scenario import logged_scenario
 import numpy as np
 import pytest
 

@@ -16,12 +16,12 @@ from masmc_ros.campaign.tuned_file import BaseFile
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import read_run
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.reference.path_file import PathFile
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.reference.waypoints import Waypoints
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.robot.two_link.paper_robot import TWO_LINK
+from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 from numpy.typing import NDArray
 import pytest

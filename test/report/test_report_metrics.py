@@ -25,10 +25,10 @@ from hypothesis.extra import numpy as hnp
 from masmc_ros.log.read.reader import read_run, Run
 from masmc_ros.log.write.simulated import SimulationLog
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.report.measure.metrics import metrics, total_variation
 from masmc_ros.report.measure.table import text_table
 from masmc_ros.report.measure.tracking import tracking
+from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
 

@@ -10,8 +10,8 @@ from masmc_ros.loop.controller_events import ACTIVATED, DEACTIVATED
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.tick_block import Change, TickBlock
-from masmc_ros.params.scenario import activation, load_scenario
 from masmc_ros.robot.robot import robot_of
+from masmc_ros.scenario.scenario import activation, load_scenario
 import numpy as np
 import pytest
 

@@ -15,7 +15,6 @@ from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.nodes.live.state_transforms import StateTransforms
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.joint_names import check_frame_prefix
 from masmc_ros.robot.robot import Robot
 from masmc_ros.robot.tree.frames import world_of
@@ -25,6 +24,7 @@ from masmc_ros.robot.two_link.frames import (
     frame_transforms,
 )
 from masmc_ros.robot.two_link.paper_robot import FRAMES, TWO_LINK
+from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader

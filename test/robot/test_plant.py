@@ -28,11 +28,11 @@ from masmc_ros.jit.record import fill
 from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import plant_start, plant_tick
 from masmc_ros.loop.simulated_robot import SimulatedRobot, write_start
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.robot import Robot, robot_of
 from masmc_ros.robot.two_link.dynamics import inertia, inertia_times
 from masmc_ros.robot.two_link.geometry import posture, quasi_velocity
 from masmc_ros.robot.two_link.paper_robot import TWO_LINK
+from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
 

@@ -11,9 +11,9 @@ from typing import Any
 
 from helpers.small_tree import parameters, URDF, write_scenario
 from masmc_ros.errors import InputError
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.mechanisms import DEFAULT, mechanism_from
+from masmc_ros.scenario.scenario import load_scenario
 import pytest
 
 PAPER = str(Path(__file__).parents[2] / 'config' / 'paper.yaml')

@@ -15,7 +15,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from masmc_ros.errors import InputError
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.params.scenario import activation, load_scenario
 from masmc_ros.robot.packages import resource_path
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.robot.tree import articulated, dynamics, kinematics
@@ -26,6 +25,7 @@ from masmc_ros.robot.tree.identified import values_of
 from masmc_ros.robot.tree.task.task import frame_pose
 from masmc_ros.robot.tree.tree_mechanism import tree_mechanism
 from masmc_ros.robot.urdf import read_urdf
+from masmc_ros.scenario.scenario import activation, load_scenario
 import numpy as np
 from numpy.typing import NDArray
 import pytest

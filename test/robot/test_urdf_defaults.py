@@ -11,7 +11,6 @@ from typing import Any
 
 from helpers.small_tree import START, URDF
 from masmc_ros.errors import InputError
-from masmc_ros.params.scenario import load_scenario, source_of
 from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.robot.tree.assembly import tree_robot
 from masmc_ros.robot.tree.postures import (
@@ -24,6 +23,7 @@ from masmc_ros.robot.tree.postures import (
 )
 from masmc_ros.robot.tree.urdf_defaults import Defaults, urdf_defaults
 from masmc_ros.robot.urdf import read_urdf
+from masmc_ros.scenario.scenario import load_scenario, source_of
 import numpy as np
 import pytest
 

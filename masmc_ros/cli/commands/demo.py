@@ -21,9 +21,9 @@ from masmc_ros.law.reaching.implicit import IMPLICIT
 from masmc_ros.optional import require_rclpy
 from masmc_ros.output_files import make_folder, write_file
 from masmc_ros.params.declaration import MutableValues
-from masmc_ros.params.scenario import load_scenario, source_of
 from masmc_ros.report.measure.table import distance_text
 from masmc_ros.robot.mechanisms import DEFAULT, mechanism_from
+from masmc_ros.scenario.scenario import load_scenario, source_of
 from masmc_ros.share import scenario_file, scenarios
 from tqdm import tqdm
 

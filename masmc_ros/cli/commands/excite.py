@@ -19,9 +19,9 @@ from masmc_ros.cli.urdf_choices import print_choices
 from masmc_ros.errors import InputError
 from masmc_ros.json_text import json_text
 from masmc_ros.output_files import check_absent
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.report.aligned import aligned
 from masmc_ros.robot.mechanisms import mechanism_from
+from masmc_ros.scenario.scenario import load_scenario
 from masmc_ros.share import scenario_file
 
 

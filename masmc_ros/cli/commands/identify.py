@@ -60,7 +60,7 @@ def run(options: argparse.Namespace) -> int:
     from masmc_ros.identification.parameter_file import unwritten_timing, write_identified
     from masmc_ros.identification.payload import payload_of
     from masmc_ros.identification.samples import samples_of
-    from masmc_ros.params.scenario import load_scenario
+    from masmc_ros.scenario.scenario import load_scenario
     from masmc_ros.share import scenario_file
 
     logged = read_run(options.log)

@@ -18,9 +18,9 @@ from masmc_ros.loop.closed_loop import control_ticks
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.params.declaration import check_all
-from masmc_ros.params.node_parameters import declared
 from masmc_ros.report.aligned import WIDTH
 from masmc_ros.robot.robot import robot_of
+from masmc_ros.scenario.node_parameters import declared
 import numpy as np
 from tqdm import tqdm
 

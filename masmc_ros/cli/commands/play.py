@@ -29,8 +29,8 @@ from masmc_ros.log.recover.overlap import check_apart
 from masmc_ros.log.write.writer import check_log_path
 from masmc_ros.optional import require_rclpy
 from masmc_ros.output_files import check_absent, write_file
-from masmc_ros.params.scenario import load_scenario, readers, source_of
 from masmc_ros.robot.mechanisms import mechanism_from
+from masmc_ros.scenario.scenario import load_scenario, readers, source_of
 from masmc_ros.share import scenario_file, shared_file
 
 NODES = ('trajectory', 'controller', 'plant')

@@ -26,13 +26,13 @@ from masmc_ros.errors import InputError
 from masmc_ros.json_text import json_text
 from masmc_ros.log.recover.overlap import check_apart
 from masmc_ros.output_files import check_absent, write_file
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.reference.path_file import csv_text
 from masmc_ros.report.aligned import aligned, WIDTH
 from masmc_ros.report.draw.preview_figure import preview_figure
 from masmc_ros.report.draw.style import figure_file, FORMATS, paper_style
 from masmc_ros.report.measure.fastest_path import fastest_samples
 from masmc_ros.report.measure.path_preview import PathError, Preview, preview, sufficient_slowdown
+from masmc_ros.scenario.scenario import load_scenario
 from masmc_ros.share import scenario_file
 import numpy as np
 

@@ -19,10 +19,10 @@ from masmc_ros.json_text import json_text
 from masmc_ros.log.recover.overlap import check_apart
 from masmc_ros.output_files import check_absent, write_file
 from masmc_ros.params.declaration import Values
-from masmc_ros.params.scenario import load_scenario, lowest_limits, source_of
 from masmc_ros.report.aligned import aligned, WIDTH
 from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.robot.robot import robot_of
+from masmc_ros.scenario.scenario import load_scenario, lowest_limits, source_of
 from masmc_ros.share import scenario_file
 import numpy as np
 

@@ -29,7 +29,13 @@ from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.tick_block import Change
 from masmc_ros.output_files import check_absent
 from masmc_ros.params.declaration import Values
-from masmc_ros.params.scenario import (
+from masmc_ros.reference.sampled_trajectory import SampledTrajectory
+from masmc_ros.report.aligned import WIDTH
+from masmc_ros.report.measure.labels import law_label
+from masmc_ros.report.measure.metrics import MetricSamples
+from masmc_ros.report.measure.recomputed import Recomputed
+from masmc_ros.report.measure.table import json_table, text_table
+from masmc_ros.scenario.scenario import (
     activation,
     load_scenario,
     logged_scenario,
@@ -38,12 +44,6 @@ from masmc_ros.params.scenario import (
     source_of,
     strays,
 )
-from masmc_ros.reference.sampled_trajectory import SampledTrajectory
-from masmc_ros.report.aligned import WIDTH
-from masmc_ros.report.measure.labels import law_label
-from masmc_ros.report.measure.metrics import MetricSamples
-from masmc_ros.report.measure.recomputed import Recomputed
-from masmc_ros.report.measure.table import json_table, text_table
 from masmc_ros.share import scenario_file, scenarios
 import numpy as np
 from tqdm import tqdm

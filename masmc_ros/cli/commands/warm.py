@@ -22,11 +22,11 @@ from masmc_ros.loop.preparation import code_for
 from masmc_ros.loop.simulated_robot import plant_of
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.params.declaration import Values
-from masmc_ros.params.scenario import load_scenario
 from masmc_ros.reference.joined import load_code
 from masmc_ros.report.measure.labels import law_label
 from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.robot.robot import robot_of
+from masmc_ros.scenario.scenario import load_scenario
 from masmc_ros.share import scenario_file
 
 _TICKS = 3

@@ -43,9 +43,9 @@ from masmc_ros.nodes.process.command_line import CommandLine
 from masmc_ros.nodes.process.diagnostics import RejectedMessages
 from masmc_ros.nodes.process.runtime import run
 from masmc_ros.params.declaration import check_all
-from masmc_ros.params.node_parameters import declared
 from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.robot.meshes import mesh_files
+from masmc_ros.scenario.node_parameters import declared
 from masmc_ros.throttle import Throttle
 from rclpy.context import Context
 

@@ -14,10 +14,10 @@ from masmc_ros.nodes.middleware.clock import CheckedClockNode
 from masmc_ros.nodes.parameters.services import CheckedParameterService
 from masmc_ros.nodes.process.command_line import CommandLine
 from masmc_ros.params.declaration import check_all, MutableValues, Parameter, Values
-from masmc_ros.params.node_parameters import accepted, drop_foreign, foreign_text
 from masmc_ros.params.text import yaml_text
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.mechanisms import mechanism_from
+from masmc_ros.scenario.node_parameters import accepted, drop_foreign, foreign_text
 from rcl_interfaces.msg import (
     FloatingPointRange,
     IntegerRange,

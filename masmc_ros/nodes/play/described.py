@@ -12,12 +12,12 @@ from masmc_ros.aliases import Array
 from masmc_ros.loop.records import nominal_theta
 from masmc_ros.loop.simulated_robot import disturbance_waves
 from masmc_ros.params.declaration import check_all, MutableValues, Values
-from masmc_ros.params.node_parameters import declared
 from masmc_ros.report.measure.adaptation import TrueTheta
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.joint_names import joint_names
 from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.robot.robot import Robot, robot_description, robot_of
+from masmc_ros.scenario.node_parameters import declared
 import numpy as np
 
 DESCRIBING = ('plant', 'controller')

@@ -67,7 +67,7 @@ from masmc_ros.nodes.process.diagnostics import RejectedMessages, several_sender
 from masmc_ros.nodes.process.runtime import run
 from masmc_ros.params.declaration import MutableValues, Values
 from masmc_ros.params.file import parameter_file_text
-from masmc_ros.params.node_parameters import declared
+from masmc_ros.scenario.node_parameters import declared
 from nav_msgs.msg import Path as PathMessage
 import numpy as np
 from rcl_interfaces.msg import ParameterEvent

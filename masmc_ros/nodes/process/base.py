@@ -18,7 +18,7 @@ from masmc_ros.nodes.middleware.qos import DEEP, publisher_qos
 from masmc_ros.nodes.parameters.ros_parameters import ParameterNode, RosParameters
 from masmc_ros.nodes.process.command_line import CommandLine
 from masmc_ros.params.declaration import Values
-from masmc_ros.params.node_parameters import declared
+from masmc_ros.scenario.node_parameters import declared
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.context import Context

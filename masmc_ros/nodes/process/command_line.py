@@ -16,9 +16,9 @@ from dataclasses import dataclass, field, replace
 
 from masmc_ros.errors import InputError
 from masmc_ros.params.file import ParameterFile, parse_value, read
-from masmc_ros.params.node_parameters import with_posture
 from masmc_ros.params.precedence import node_values, NodeValues
 from masmc_ros.params.values import FileValue
+from masmc_ros.scenario.node_parameters import with_posture
 
 
 @dataclass(frozen=True)

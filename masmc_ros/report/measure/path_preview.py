@@ -21,12 +21,12 @@ from masmc_ros.errors import InputError
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.timing import Timing
 from masmc_ros.params.declaration import MutableValues, Values
-from masmc_ros.params.node_parameters import declared
-from masmc_ros.params.scenario import lowest_limits
 from masmc_ros.reference.sampled_trajectory import SampledTrajectory
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.robot.declaration import Mechanism, Point
 from masmc_ros.robot.robot import robot_of
+from masmc_ros.scenario.node_parameters import declared
+from masmc_ros.scenario.scenario import lowest_limits
 import numpy as np
 
 TOLERANCE = 2e-3

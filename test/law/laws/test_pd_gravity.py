@@ -12,7 +12,7 @@ from helpers.law_bench import at_random, PAPER, run, tick
 from helpers.robots import DEFAULT
 from helpers.small_tree import write_scenario
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.params.scenario import load_scenario
+from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
 

@@ -15,7 +15,7 @@ from masmc_ros.log.read.scan import scan
 from masmc_ros.log.write.recording import Recording
 from masmc_ros.nodes.recorder.output import Attachments, open_recording
 from masmc_ros.params.declaration import check_all
-from masmc_ros.params.node_parameters import declared
+from masmc_ros.scenario.node_parameters import declared
 import pytest
 
 

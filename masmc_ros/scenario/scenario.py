@@ -29,7 +29,13 @@ from masmc_ros.params.file import (
     parse_value,
     parsed,
 )
-from masmc_ros.params.node_parameters import (
+from masmc_ros.params.precedence import node_values
+from masmc_ros.params.values import FileValue
+from masmc_ros.reference.sampled_trajectory import PATH_RECEIVED, SampledTrajectory
+from masmc_ros.robot.declaration import Mechanism
+from masmc_ros.robot.mechanisms import mechanism_from
+from masmc_ros.robot.packages import resource_path
+from masmc_ros.scenario.node_parameters import (
     accepted,
     declared,
     drop_foreign,
@@ -38,12 +44,6 @@ from masmc_ros.params.node_parameters import (
     shared,
     with_posture,
 )
-from masmc_ros.params.precedence import node_values
-from masmc_ros.params.values import FileValue
-from masmc_ros.reference.sampled_trajectory import PATH_RECEIVED, SampledTrajectory
-from masmc_ros.robot.declaration import Mechanism
-from masmc_ros.robot.mechanisms import mechanism_from
-from masmc_ros.robot.packages import resource_path
 import numpy as np
 
 if TYPE_CHECKING:
