@@ -27,7 +27,7 @@ from masmc_ros.campaign.variable import Variable
 from masmc_ros.errors import InputError
 from masmc_ros.law.command_interface import by_velocity
 from masmc_ros.loop.driven_robots import DrivenRobots
-from masmc_ros.loop.simulated_robot import RIGID
+from masmc_ros.loop.plant_parameters import RIGID
 from masmc_ros.loop.timing import Timing
 from masmc_ros.params.declaration import Values
 from masmc_ros.reference.trajectory import Trajectory

@@ -28,7 +28,7 @@ from masmc_ros.errors import InputError
 from masmc_ros.law import registry
 from masmc_ros.law.law import Law
 from masmc_ros.loop.batch_simulation import of_all_lanes
-from masmc_ros.loop.simulated_robot import RIGID
+from masmc_ros.loop.plant_parameters import RIGID
 from masmc_ros.params.text import yaml_text
 from masmc_ros.scenario.scenario import check_start
 import numpy as np

@@ -19,7 +19,7 @@ from masmc_ros.errors import InputError
 from masmc_ros.law import registry
 from masmc_ros.law.law import Law
 from masmc_ros.loop.batch_simulation import of_all_lanes
-from masmc_ros.loop.simulated_robot import RIGID
+from masmc_ros.loop.plant_parameters import RIGID
 from masmc_ros.report.measure.metrics import Metrics, Reached
 from masmc_ros.report.measure.reduced import reduced_metrics, simulated_metrics
 from masmc_ros.report.measure.table import Column, columns

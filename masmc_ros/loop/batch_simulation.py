@@ -32,11 +32,11 @@ from masmc_ros.loop.closed_loop import (
     reduced_loop,
 )
 from masmc_ros.loop.law_dry_run import check
+from masmc_ros.loop.plant_parameters import RIGID
 from masmc_ros.loop.reduction import axes_of_points, reduced_signals
 from masmc_ros.loop.simulated_robot import (
     delay_line,
     has_effects,
-    RIGID,
     stamp_age,
     write_plant,
     write_start,

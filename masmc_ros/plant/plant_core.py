@@ -18,7 +18,8 @@ from typing import NamedTuple
 from masmc_ros.aliases import Array
 from masmc_ros.control.actions import Failure, Line, Wait
 from masmc_ros.errors import InputError
-from masmc_ros.loop.simulated_robot import PAYLOAD_MASS, PUSH, SimulatedRobot
+from masmc_ros.loop.plant_parameters import PAYLOAD_MASS, PUSH
+from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.timing import Timing
 from masmc_ros.params.declaration import Values
 from masmc_ros.plant.lateness import Lateness

@@ -11,7 +11,7 @@ from functools import cache
 
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.law import registry
-from masmc_ros.loop import simulated_robot
+from masmc_ros.loop import plant_parameters
 from masmc_ros.loop.runaway import PARAMETER as RUNAWAY_DETECTION
 from masmc_ros.loop.safe_stop import PARAMETER as FAULT_ACTION
 from masmc_ros.loop.timing import TIMING
@@ -283,7 +283,7 @@ _SLIP = 0.85
 """Similarity to a known name from which an unknown one is a misspelling."""
 
 _DECLARED: dict[str, Callable[[Mechanism], tuple[Parameter, ...]]] = {
-    'plant': lambda kind: (*shared(kind), *simulated_robot.parameters(kind), *_PLANT_NODE),
+    'plant': lambda kind: (*shared(kind), *plant_parameters.parameters(kind), *_PLANT_NODE),
     'trajectory': lambda kind: (*shared(kind), *trajectory.parameters(kind), *_TRAJECTORY_NODE),
     'controller': lambda kind: (
         *shared(kind), *registry.parameters(kind), *_controller_node(kind)

@@ -17,7 +17,7 @@ from masmc_ros.aliases import Numbers
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.log.read.reader import Run
 from masmc_ros.loop.controller_events import ACTIVATED, EVENTS
-from masmc_ros.loop.simulated_robot import PAYLOAD_MASS, PUSH
+from masmc_ros.loop.plant_parameters import PAYLOAD_MASS, PUSH
 from masmc_ros.loop.tick_block import Change
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.topics import PARAMETER_NODES

@@ -14,7 +14,8 @@ from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.log.write.simulated import SimulationLog
-from masmc_ros.loop.simulated_robot import PAYLOAD_MASS, plant_of, PUSH
+from masmc_ros.loop.plant_parameters import PAYLOAD_MASS, PUSH
+from masmc_ros.loop.simulated_robot import plant_of
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.tick_block import Change
 from masmc_ros.loop.timing import Timing

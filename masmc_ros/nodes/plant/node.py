@@ -15,7 +15,8 @@ from diagnostic_msgs.msg import DiagnosticArray
 from masmc_ros.aliases import Array
 from masmc_ros.control.actions import Failure, Line, Record, Wait
 from masmc_ros.errors import InputError
-from masmc_ros.loop.simulated_robot import plant_of, PUSH
+from masmc_ros.loop.plant_parameters import PUSH
+from masmc_ros.loop.simulated_robot import plant_of
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.nodes.middleware.qos import subscription_qos

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError
-from masmc_ros.loop.simulated_robot import PAYLOAD_MASS, PUSH
+from masmc_ros.loop.plant_parameters import PAYLOAD_MASS, PUSH
 from masmc_ros.messages.cdr_layout import NANOSECONDS
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.names import (

@@ -8,7 +8,7 @@ from __future__ import annotations
 from contextlib import suppress
 
 from masmc_ros.errors import InputError
-from masmc_ros.loop.simulated_robot import PAYLOAD_MASS, PUSH
+from masmc_ros.loop.plant_parameters import PAYLOAD_MASS, PUSH
 from masmc_ros.nodes.play.controls import Controls
 from masmc_ros.nodes.play.gains import level_of
 from masmc_ros.nodes.play.server import PlayServer

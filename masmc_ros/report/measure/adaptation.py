@@ -11,8 +11,8 @@ from typing import NamedTuple
 from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import Run
+from masmc_ros.loop.plant_parameters import PAYLOAD_MASS
 from masmc_ros.loop.records import nominal_theta
-from masmc_ros.loop.simulated_robot import PAYLOAD_MASS
 from masmc_ros.params.declaration import Values
 from masmc_ros.report.measure.parameters import robot_of_node, run_changes
 from masmc_ros.robot.declaration import Quantity
