@@ -10,6 +10,8 @@ from pathlib import Path
 import re
 import tokenize
 
+from masmc_ros.law.registry import LAWS
+
 PACKAGE = Path(__file__).parents[2] / 'masmc_ros'
 
 PAGE = PACKAGE.parent / 'docs' / 'development' / 'architecture.md'
@@ -111,6 +113,19 @@ def test_imports_of_rclpy_only_in_nodes_and_cli() -> None:
                 else []
             )
             assert not any(name.split('.')[0].startswith('rcl') for name in names), path
+
+
+def test_page_of_tick_has_parts_of_laws() -> None:
+    table = (PAGE.parent / 'tick.md').read_text(encoding='utf-8').partition('\n| law or term |')[2]
+    rows = re.findall(r'^\| `(\w+)` \|(.*)\|$', table, re.MULTILINE)
+    named = {law: set(re.findall(r'\w+', parts)) for law, parts in rows}
+    names = {*LAWS, 'rates', 'implicit'}
+    laws = {path.stem: path for path in (PACKAGE / 'law').rglob('*.py') if path.stem in names}
+    known = {path.stem for path in (PACKAGE / 'law' / 'parts').glob('*.py')} | laws.keys()
+    assert named == {
+        law: {name[-1] for name in imported(path) if name[:1] == ('law',)} & known
+        for law, path in laws.items()
+    }
 
 
 OF_ONE_ROBOT = re.compile(
