@@ -31,7 +31,7 @@ from nav_msgs.msg import Odometry
 from nav_msgs.msg import Path as PathMessage
 import numpy as np
 import pytest
-from rcl_interfaces.srv import SetParametersAtomically
+from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
@@ -461,6 +461,28 @@ def test_trajectory_node_follows_and_rejects_paths(tmp_path: Path) -> None:
         publisher.publish(odometry.to_bytes())
         tester.until(lambda: (windows()[-1].stamp_ns or 0) >= 4_500_000_000, 'later windows')
         assert len(node.logged('WARN')) == 1
+
+
+def test_trajectory_node_rejects_path_at_a_state_far_ahead(tmp_path: Path) -> None:
+    """It does not send the windows of all times until then, but those after it."""
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        raw = tester.collect(Float64MultiArray, 'reference', raw=True)
+        node = started.start('trajectory', *ros_arguments(PAPER, duration=0.0))
+        sender = tester.publisher(JointTrajectory, JOINTS)
+        states = tester.publisher(JointState, 'joint_states', latched=True)
+        tester.wait_for_subscribers(sender)
+        tester.until(lambda: len(raw) == 5, 'the windows before the start')
+        message = arm_path()
+        message.header.stamp.sec = 5
+        sender.publish(message)
+        state = JointStateCdr()
+        state.position[:] = 0.0, 0.0, 1.5708, 0.0, 0.0, 0.8, -1.5
+        state.set_stamp(10**18)
+        states.publish(state.to_bytes())
+        tester.until(lambda: node.logged('WARN', 'it ended'), 'the rejection')
+        request = GetParameters.Request(names=['type'])
+        tester.call(GetParameters, '/trajectory/get_parameters', request)
+        assert len(raw) < 20
 
 
 def test_velocities_move_the_base_and_it_stops_without_them() -> None:

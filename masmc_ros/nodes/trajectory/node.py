@@ -170,10 +170,7 @@ class TrajectoryNode(SuiteNode):
             if self._received.reset_before(self._next):
                 self._withdraw_requested()
                 self.log.info('it is before the path of a message, which is dropped')
-        elif tick > self._next:
-            # Past windows are skipped: after a pause, a restart or a step of the clock the
-            # reference continues at the current time.
-            self._next = tick - tick % self._window
+        self._skip_until(tick)
         self._send_until(tick + self._horizon, stamp)
         previous, self._last_tick = self._last_tick, tick
         if self._timing.last is None:
@@ -192,6 +189,16 @@ class TrajectoryNode(SuiteNode):
         if path is not None:
             self._paths.publish(path)
         return origin
+
+    def _skip_until(self, tick: int) -> None:
+        """
+        Skip the windows that are past at a tick.
+
+        After a pause, a restart or a step of the clock the reference continues at the current
+        time. The stamp of a message that is not of this robot may be years ahead.
+        """
+        if tick > self._next:
+            self._next = tick - tick % self._window
 
     def _send_until(self, tick: int, current_stamp: int) -> None:
         last, unsendable = self._timing.last, self._received.unsendable
@@ -273,6 +280,7 @@ class TrajectoryNode(SuiteNode):
         except InputError as error:
             self._input.reject(request.topic, error)
             self._withdraw_requested()
+            self._skip_until(tick)
         else:
             self._next = first
             start = self._timing.stamp(first) + self._origin
