@@ -247,8 +247,7 @@ def _timed(points: Array, limits: Sequence[tuple[slice, float]]) -> tuple[Array,
     Parameters
     ----------
     points
-        Points (n, k), the first of which is the start; those that repeat the one before are
-        omitted.
+        Points (n, k), first the start; those that repeat the one before are omitted.
     limits
         Columns of coordinates, and the largest norm of their velocities.
 

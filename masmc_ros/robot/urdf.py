@@ -555,7 +555,7 @@ class _Reader:
     def _check_single(
         self, element: _Element, about: str, tags: Iterable[str] | None = None
     ) -> None:
-        """Raise InputError for repeated elements, of which readers use the first."""
+        """Raise InputError for repeated elements: readers would use the first one."""
         lines: dict[str, int] = {}
         for part in element.children:
             if tags is None or part.tag in tags:

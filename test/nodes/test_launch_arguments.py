@@ -24,7 +24,7 @@ TEXTS = (
     '[a, b]', '[', '{a: b}', '*a', '&a', '!a', '- a', '%a', '@a', '`a', '|', '"a"', "it's", 'a"b',
     'C:\\new', '$(a)', 'Läufe/1', '軌道', '-p', '--ros-args', '\t', 'a\nb',
 )
-"""Texts of which YAML reads many as another type, another text, or not at all."""
+"""Texts that YAML often reads as another type, another text, or not at all."""
 
 
 def rcl_values(settings: Sequence[str], node: str, number: int) -> dict[str, object]:

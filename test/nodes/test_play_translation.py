@@ -12,9 +12,16 @@ import socket
 from helpers.viewed_run import computed_run
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import read_run
+from masmc_ros.nodes.play.controls import Controls
+from masmc_ros.nodes.play.described import shown_robot
 from masmc_ros.nodes.play.gains import gain_text, level_of, scaled, slider_range, SLIDERS
+from masmc_ros.nodes.play.page import Page
+from masmc_ros.nodes.play.plots import Plots
+from masmc_ros.nodes.play.replay import Replay
 from masmc_ros.nodes.play.run_report import write_report_so_far
 from masmc_ros.nodes.play.samples import SampleWindow, WINDOW
+from masmc_ros.nodes.play.scene import RobotScene
+from masmc_ros.nodes.play.server import is_local, PlayServer
 from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.robot.shown_parameters import shown_parameters
@@ -23,17 +30,8 @@ from masmc_ros.scenario.scenario import load_scenario
 from masmc_ros.share import scenario_file
 import numpy as np
 import pytest
-
-viser = pytest.importorskip('viser')
-
-from masmc_ros.nodes.play.controls import Controls  # noqa: E402  # needs viser
-from masmc_ros.nodes.play.described import shown_robot  # noqa: E402
-from masmc_ros.nodes.play.page import Page  # noqa: E402
-from masmc_ros.nodes.play.plots import Plots  # noqa: E402
-from masmc_ros.nodes.play.replay import Replay  # noqa: E402
-from masmc_ros.nodes.play.scene import RobotScene  # noqa: E402
-from masmc_ros.nodes.play.server import is_local, PlayServer  # noqa: E402
-from websockets.sync.client import connect  # noqa: E402
+import viser
+from websockets.sync.client import connect
 
 
 @pytest.fixture(scope='module')

@@ -86,7 +86,7 @@ def pip_requirements() -> set[str]:
 
 
 STABLE = {'distributed', 'pandas', 'pyarrow', 'scipy', 'xarray'}
-"""Packages of the commands' extras of which any recent version fits."""
+"""Packages of the commands' extras; any recent version of them fits."""
 
 
 def test_extras_bind_tested_versions_at_both_ends() -> None:

@@ -25,7 +25,7 @@ from masmc_ros.nodes.play.gains import (
     SliderRange,
     SLIDERS,
 )
-from masmc_ros.nodes.play.page import text_block
+from masmc_ros.nodes.play.page import show_value, text_block
 from masmc_ros.nodes.play.server import PlayServer
 from masmc_ros.params.declaration import MutableValues, Parameter, Values
 from viser import (
@@ -166,7 +166,7 @@ class Controls:
             self._shown[name] = shown
             if not bounds.contains(level):
                 bounds = _widened(handle, slider_range(parameter, level), level)
-            handle.value = level  # type: ignore[misc]  # its setter is not next to its getter
+            show_value(handle, level)
 
         self._show[name], self._shown[name] = show, value
         handle.on_update(lambda event: self._on_move(event, name))
@@ -178,7 +178,7 @@ class Controls:
         )
 
         def show(shown: object) -> None:
-            handle.value = str(shown)  # type: ignore[misc]  # as above
+            show_value(handle, str(shown))
 
         self._show[parameter.name] = show
         handle.on_update(lambda event: self._on_move(event, parameter.name))

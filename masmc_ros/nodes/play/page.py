@@ -7,12 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from html import escape
+from typing import TypeVar
 
 from masmc_ros.nodes.play.described import EstimateReference, ShownRobot
 from masmc_ros.nodes.play.plots import Plots
 from masmc_ros.nodes.play.samples import WINDOW
 from masmc_ros.nodes.play.scene import RobotScene
 from masmc_ros.nodes.play.server import PlayServer
+from viser import GuiInputHandle
+
+T = TypeVar('T')
 
 RATE = 20
 """Rate in Hz at which the robot is shown and sampled."""
@@ -114,3 +118,8 @@ def text_block(lines: Sequence[str], style: str = '') -> str:
         return ''
     text = '<br>'.join(map(escape, lines))
     return f'<div style="font-size:0.8em;padding:0.3em 0.8em;{style}">{text}</div>'
+
+
+def show_value(handle: GuiInputHandle[T], value: T) -> None:
+    """Set the value that a slider or menu shows."""
+    handle.value = value  # type: ignore[misc]  # its setter is not next to its getter

@@ -11,6 +11,7 @@ from masmc_ros.errors import InputError
 from masmc_ros.loop.plant_parameters import PAYLOAD_MASS, PUSH
 from masmc_ros.nodes.play.controls import Controls
 from masmc_ros.nodes.play.gains import level_of
+from masmc_ros.nodes.play.page import show_value
 from masmc_ros.nodes.play.server import PlayServer
 from masmc_ros.params.declaration import Parameter, Values
 from masmc_ros.robot.declaration import Mechanism
@@ -105,4 +106,4 @@ class PlantControls:
         with suppress(InputError):
             mass = level_of(self._mass.check(value))
             self._payload.max = max(self._payload.max, mass)
-            self._payload.value = mass  # type: ignore[misc]  # its setter is not next to its getter
+            show_value(self._payload, mass)

@@ -20,6 +20,7 @@ from masmc_ros.nodes.play.page import (
     MOST_POINTS,
     Page,
     RATE,
+    show_value,
     SLOW,
     text_block,
 )
@@ -146,7 +147,7 @@ class Replay:
         if self._plots is not None:
             marks = [self._start + c.time for c in self._changes if not c.is_event]
             self._plots.send(marks)
-        self._slider.value = offset  # type: ignore[misc]  # its setter is not next to its getter
+        show_value(self._slider, offset)
         states = [s for instant, s in self._run.controller_states if instant <= self._time]
         lines = [f't = {offset:.2f} s of {self._end - self._start:.2f} s']
         lines += [f'controller: {states[-1]}'] if states else []
