@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 import struct
+import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -54,9 +55,9 @@ def joint_trajectory(
 ) -> JointTrajectory:
     """Return a path of joints that rests at every point."""
     message = JointTrajectory(joint_names=list(names))
-    for time, position in zip(times, positions, strict=True):
+    for at, position in zip(times, positions, strict=True):
         point = JointTrajectoryPoint(positions=list(position), velocities=[0.0] * len(names))
-        point.time_from_start.sec, point.time_from_start.nanosec = divmod(round(time * 1e9), 10**9)
+        point.time_from_start.sec, point.time_from_start.nanosec = divmod(round(at * 1e9), 10**9)
         message.points.append(point)
     return message
 
@@ -213,11 +214,14 @@ class Started:
         self.position = np.array([0.0, 0.0, 1.57, 0.0, 0.0, 0.8, -1.5])
 
     def wait(self, message: Any, topic: str = JOINTS, unsent: int = 2500) -> None:
-        request = reader()(topic, message)
+        self.take(reader()(topic, message), unsent)
+
+    def take(self, request: PathRequest, unsent: int = 2500) -> None:
         self.paths.wait(request, unsent=unsent, tick=500, origin_ns=0)
-        thread = self.paths._loading
-        assert thread is not None
-        thread.join()
+        deadline = time.monotonic() + 60.0
+        while self.paths.is_loading:
+            assert time.monotonic() < deadline
+            time.sleep(0.001)
 
     def start(self, tick: int) -> int | None:
         return self.paths.start(tick, self.position)
@@ -324,7 +328,7 @@ def test_changed_trajectory_continues_the_reference() -> None:
         str(PAPER), ['trajectory.type=figure_eight', 'trajectory.figure_eight.delay=1.0']
     )['trajectory']
     eight = Trajectory(values, run.timing.period, run.robot)
-    run.paths.wait(PathRequest('type', eight, None), unsent=2500, tick=500, origin_ns=0)
+    run.take(PathRequest('type', eight, None))
     assert run.start(2500) == 2500
     assert np.abs(run.paths.sample(2500, 1) - before).max() < 1e-12
     run.check_continuous(2500, 10_000)
@@ -417,10 +421,12 @@ def test_stamped_velocities_equal_velocities() -> None:
 
 
 def test_trajectory_node_follows_and_rejects_paths(tmp_path: Path) -> None:
+    """The only state arrives while the code of paths compiles, because the cache is empty."""
+    cache = {'XDG_CACHE_HOME': str(tmp_path / 'cache')}
     with processes(tmp_path) as started, peer(started.domain) as tester:
         raw = tester.collect(Float64MultiArray, 'reference', raw=True)
         reports = tester.collect(DiagnosticArray, '/diagnostics')
-        node = started.start('trajectory', *ros_arguments(PAPER))
+        node = started.start('trajectory', *ros_arguments(PAPER), environment=cache)
         sender = tester.publisher(JointTrajectory, JOINTS)
         goals = tester.publisher(PoseStamped, 'trajectory/goal')
         states = tester.publisher(JointState, 'joint_states', latched=True)

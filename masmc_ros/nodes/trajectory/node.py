@@ -36,7 +36,9 @@ from masmc_ros.robot.joint_names import check_frame_prefix
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.throttle import Throttle
 from nav_msgs.msg import Odometry, Path
+import numpy as np
 from rclpy.context import Context
+from rclpy.timer import Timer
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 
@@ -45,6 +47,9 @@ _CHECKED_AHEAD = 60.0
 
 _MOST_AHEAD = 500
 """Largest number of windows ahead; a controller stores 1000."""
+
+_RETRY = 0.02
+"""Period in s in which a path that waits for its compiled code is tried again."""
 
 _MAX_CHECKED = 2_000_000
 """Largest number of ticks that are checked at the start; later ones are checked when sent."""
@@ -86,6 +91,8 @@ class TrajectoryNode(SuiteNode):
         self._last_tick: int | None = None
         self._rejected_messages = RejectedMessages(self.log)
         self._requested: MutableValues = {}
+        self._retry: Timer | None = None
+        self._kept = 0, np.empty(0)
         self._check_reach()
         self.parameters.on_request(self._request)
 
@@ -276,6 +283,8 @@ class TrajectoryNode(SuiteNode):
         try:
             first = self._received.start(tick, position)
             if first is None:
+                if self._received.is_loading and self._received.unsendable is not None:
+                    self._keep(stamp, position)
                 return
         except InputError as error:
             self._input.reject(request.topic, error)
@@ -295,6 +304,20 @@ class TrajectoryNode(SuiteNode):
                 self.record_parameters(Record(first, start, self.values, event=PATH_RECEIVED))
         # In lock-step the controller waits for these samples.
         self._send_until(tick + self._horizon, stamp)
+
+    def _keep(self, stamp: int, position: Array) -> None:
+        """Keep a state at which a path may start once its compiled code is ready."""
+        self._kept = stamp, position.copy()
+        if self._retry is None:
+            self._retry = self.node.create_timer(_RETRY, self._try_again, clock=self.steady)
+
+    def _try_again(self) -> None:
+        """Take the kept state again; in lock-step no other one arrives before the path starts."""
+        if self._received.is_loading or self._retry is None:
+            return
+        self.node.destroy_timer(self._retry)
+        self._retry = None
+        self._on_state(*self._kept)
 
     def _health(self) -> Health:
         text = f'type {self.values["type"]}'

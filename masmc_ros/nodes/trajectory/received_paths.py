@@ -144,8 +144,11 @@ class ReceivedPaths:
         if self._loading is None:
             self._loading = Thread(target=load_code, args=(self._robot,), daemon=True)
             self._loading.start()
-        if not self._is_timed:
-            self._loading.join()
+
+    @property
+    def is_loading(self) -> bool:
+        """Return True until the compiled code of paths is ready; no path starts before."""
+        return self._loading is not None and self._loading.is_alive()
 
     @property
     def unsendable(self) -> int | None:
@@ -176,7 +179,7 @@ class ReceivedPaths:
         """
         if self.waiting is None or tick + self._lead < self._first:
             return None
-        if self._loading is not None and self._loading.is_alive():
+        if self.is_loading:
             # Without its code in the cache, compiling takes longer than the samples sent last.
             return None
         request, self.waiting = self.waiting, None
