@@ -20,9 +20,9 @@ from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError
 from masmc_ros.optional import remedy
 from masmc_ros.params.declaration import Parameter, Values
+from masmc_ros.reference.minimum_jerk import sample_knots
 from masmc_ros.reference.reference import Declared
 from masmc_ros.reference.rotations import all_continued, orientation_of
-from masmc_ros.reference.waypoints import sample_knots
 from masmc_ros.robot.approach_blend import SHORTEST
 from masmc_ros.robot.declaration import Mechanism
 import numpy as np

@@ -139,7 +139,9 @@ def load_code(robot: Robot) -> None:
     sample = np.zeros(3 * len(robot.mechanism.axes))
     motion = JointTask(JointPath.braking(state, 1.0), robot, sample[:len(sample) // 3])
     JoinedMotion(motion, sample, tick=0, period=1.0, speed=1.0).sample(0, 1)
-    TaskPath.braking(sample, 1.0)
+    path = TaskPath.braking(sample, 1.0)
+    if robot.mechanism.carrier is not None:
+        path.with_base(robot, sample[:2])
 
 
 @kernel

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError
-from masmc_ros.reference.waypoints import sample_knots, smooth_knots, stopped
+from masmc_ros.reference.minimum_jerk import sample_knots, smooth_knots, stopped
 from masmc_ros.robot.declaration import Coordinate, Mechanism
 import numpy as np
 from numpy.typing import NDArray

@@ -22,9 +22,11 @@ from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.optional import remedy
 from masmc_ros.params.declaration import Parameter, Values
+from masmc_ros.reference.following_base import base_note, follow_tip
+from masmc_ros.reference.minimum_jerk import sample_knots, smooth_knots
 from masmc_ros.reference.reference import Declared
-from masmc_ros.reference.waypoints import sample_knots, smooth_knots
-from masmc_ros.robot.declaration import Mechanism
+from masmc_ros.robot.declaration import Mechanism, Quantity
+from masmc_ros.robot.robot import Robot
 import numpy as np
 
 _ON_POINT = 2e-9
@@ -70,6 +72,7 @@ class PathFile:
         self._times: Array = values['times']
         self._knots: Array = values['knots']
         self._place: str = values['place']
+        self._lacks_base: bool = values['lacks_base']
 
     @classmethod
     def of(cls, values: Values, mechanism: Mechanism) -> PathFile:
@@ -95,11 +98,11 @@ class PathFile:
             size = path.stat().st_size
             if size > _MOST_BYTES:
                 raise InputError(f'{place}: {size} bytes; expected at most {_MOST_BYTES}')
-            columns = read(path, place, mechanism)
+            columns, lacks_base = read(path, place, mechanism)
         except OSError as error:
             raise InputError(f'{place}: {error.strerror or error}') from None
         times, knots = _checked(columns, place)
-        axes = len(mechanism.axes)
+        axes = len(_own_axes(mechanism, lacks_base=lacks_base))
         if knots.shape[1] == axes:
             knots = np.hstack([knots, np.zeros((len(knots), 2 * axes))])
             if not values['stops']:
@@ -108,7 +111,22 @@ class PathFile:
             raise InputError(f'{place}: it has velocities; expected file.stops = false')
         elif knots.shape[1] == 2 * axes:
             knots = np.hstack([knots, _accelerations(times, knots)])
-        return cls({'times': times, 'knots': np.ascontiguousarray(knots), 'place': place})
+        if lacks_base:
+            assert mechanism.carrier is not None
+            first = mechanism.carrier.first
+            at = [k * axes + first for k in range(3) for _ in range(mechanism.carrier.size)]
+            knots = np.insert(knots, at, 0.0, axis=1)
+        return cls({
+            'times': times, 'knots': np.ascontiguousarray(knots), 'place': place,
+            'lacks_base': lacks_base,
+        })
+
+    def complete(self, robot: Robot) -> str:
+        """Add the path of the base if the file lacks it, and return a sentence on it."""
+        if not self._lacks_base:
+            return ''
+        self._times, self._knots = follow_tip(robot, self._times, self._knots)
+        return base_note(robot, self._knots)
 
     def sample(self, times: Array) -> Array:
         """
@@ -171,17 +189,25 @@ def csv_text(mechanism: Mechanism, times: Array, samples: Array) -> str:
         Samples (n, 3 axes).
 
     """
-    heads = [_TIMES[0], *(axis[0] for quantity in _names(mechanism) for axis in quantity)]
+    heads = [_TIMES[0], *(axis[0] for quantity in _names(mechanism.axes) for axis in quantity)]
     rows = np.column_stack([times, samples]).tolist()
     return '\n'.join([','.join(heads), *(','.join(map(repr, row)) for row in rows), ''])
 
 
-def _names(mechanism: Mechanism) -> list[list[Names]]:
+def _own_axes(mechanism: Mechanism, *, lacks_base: bool) -> list[Quantity]:
+    """Return the axes of a file, which may lack those of the carrier."""
+    axes = list(mechanism.axes)
+    if lacks_base and mechanism.carrier is not None:
+        del axes[mechanism.carrier.axes]
+    return axes
+
+
+def _names(axes: Sequence[Quantity]) -> list[list[Names]]:
     """Return the names of the columns of each quantity and axis; the first one is preferred."""
     names: list[list[Names]] = []
     for order, (quantity, per) in enumerate(_ORDERS):
         of_quantity: list[Names] = []
-        for axis in mechanism.axes:
+        for axis in axes:
             unit = f'{axis.unit}{per}'.replace('²', '2').replace('/', '_per_')
             bare = axis.name if order == 0 else f'{quantity}_{axis.name}'
             logged = f'reference_{quantity}_{axis.name}_{unit}'
@@ -190,10 +216,18 @@ def _names(mechanism: Mechanism) -> list[list[Names]]:
     return names
 
 
-def _selected(heads: Sequence[str], place: str, mechanism: Mechanism) -> list[int]:
-    """Return the columns of times, positions and perhaps velocities and accelerations."""
+def _selected(heads: Sequence[str], place: str, mechanism: Mechanism) -> tuple[list[int], bool]:
+    """
+    Return the columns of times, positions and perhaps velocities and accelerations.
+
+    The flag is True for a file without the axes of the carrier.
+    """
     heads = [head.strip() for head in heads]
-    names = _names(mechanism)
+    names, lacks_base = _names(mechanism.axes), False
+    if mechanism.carrier is not None:
+        of_base = chain.from_iterable(chain(*(axes[mechanism.carrier.axes] for axes in names)))
+        lacks_base = set(heads).isdisjoint(of_base)
+        names = _names(_own_axes(mechanism, lacks_base=lacks_base))
     is_export = any(head.startswith('reference_position_') for head in heads)
 
     def column(known: Names) -> int | None:
@@ -222,14 +256,14 @@ def _selected(heads: Sequence[str], place: str, mechanism: Mechanism) -> list[in
         for head in heads:
             if head not in known:
                 raise InputError(f"{place}: unknown column '{head}'; {suggestion(head, usual)}")
-    return [k for columns in selected for k in columns if k is not None]
+    return [k for columns in selected for k in columns if k is not None], lacks_base
 
 
 def _expected(names: Sequence[Sequence[Names]]) -> str:
     return ', '.join([_TIMES[0], *(known[0] for known in names[0])])
 
 
-def _read_csv(path: Path, place: str, mechanism: Mechanism) -> Array:
+def _read_csv(path: Path, place: str, mechanism: Mechanism) -> tuple[Array, bool]:
     """Return the selected columns (n, k) of a CSV file; fields end with a comma, ; or a tab."""
     try:
         text = path.read_text(encoding='utf-8-sig')
@@ -238,14 +272,14 @@ def _read_csv(path: Path, place: str, mechanism: Mechanism) -> Array:
     first, _, rest = text.partition('\n')
     separator = max(',;\t', key=first.count)
     heads = next(csv.reader([first], delimiter=separator), [])
-    columns = _selected(heads, place, mechanism)
+    columns, lacks_base = _selected(heads, place, mechanism)
     if not rest.strip():
         raise InputError(f'{place}: no points; expected a line for each point after the names')
     try:
         return np.loadtxt(
             io.StringIO(rest), delimiter=separator, usecols=columns, ndmin=2, comments=None,
             quotechar='"',
-        )  # fmt: skip
+        ), lacks_base  # fmt: skip
     except ValueError:
         raise _wrong_line(rest, separator, heads, columns, place) from None
 
@@ -269,7 +303,7 @@ def _wrong_line(
     return InputError(f'{place}: not a table of numbers')
 
 
-def _read_parquet(path: Path, place: str, mechanism: Mechanism) -> Array:
+def _read_parquet(path: Path, place: str, mechanism: Mechanism) -> tuple[Array, bool]:
     """Return the selected columns (n, k) of a Parquet file."""
     try:
         import pyarrow as pa
@@ -279,16 +313,17 @@ def _read_parquet(path: Path, place: str, mechanism: Mechanism) -> Array:
     try:
         file = parquet.ParquetFile(path)
         heads = file.schema_arrow.names
-        columns = [heads[k] for k in _selected(heads, place, mechanism)]
+        selected, lacks_base = _selected(heads, place, mechanism)
+        columns = [heads[k] for k in selected]
         table = file.read(columns=columns)
         return np.column_stack([
             table[name].cast(pa.float64()).to_numpy(zero_copy_only=False) for name in columns
-        ])
+        ]), lacks_base
     except pa.ArrowException as error:
         raise InputError(f'{place}: not a Parquet file of numbers ({error})') from None
 
 
-def _read_yaml(path: Path, place: str, mechanism: Mechanism) -> Array:
+def _read_yaml(path: Path, place: str, mechanism: Mechanism) -> tuple[Array, bool]:
     """Return times and quantities (n, k) of a YAML file."""
     import yaml
 
@@ -307,6 +342,9 @@ def _read_yaml(path: Path, place: str, mechanism: Mechanism) -> Array:
         if key not in known:
             raise InputError(f"{place}: unknown key '{key}'; {suggestion(str(key), known)}")
     order = content.get('axes', axes)
+    short = [axis.name for axis in _own_axes(mechanism, lacks_base=True)]
+    lacks_base = isinstance(order, list) and len(order) == len(short) < len(axes)
+    axes = short if lacks_base else axes
     if not isinstance(order, list) or sorted(map(str, order)) != sorted(axes):
         raise InputError(f'{place}: axes = {order}; expected {", ".join(axes)} in any order')
     times = _numbers(content['times'], 1, place, 'times')
@@ -319,7 +357,7 @@ def _read_yaml(path: Path, place: str, mechanism: Mechanism) -> Array:
             parts.append(part[:, [order.index(axis) for axis in axes]])
     if 'accelerations' in content and 'velocities' not in content:
         raise InputError(f'{place}: accelerations without velocities; expected both')
-    return np.hstack(parts)
+    return np.hstack(parts), lacks_base
 
 
 def _numbers(values: Any, width: int, place: str, key: str) -> Array:
@@ -332,7 +370,7 @@ def _numbers(values: Any, width: int, place: str, key: str) -> Array:
         ) from None
 
 
-_READERS: dict[str, Callable[[Path, str, Mechanism], Array]] = {
+_READERS: dict[str, Callable[[Path, str, Mechanism], tuple[Array, bool]]] = {
     '.csv': _read_csv, '.parquet': _read_parquet, '.yaml': _read_yaml, '.yml': _read_yaml
 }
 

@@ -5,7 +5,8 @@
 Paths through poses of the base or of the end effector, at certain times or within speeds.
 
 Both are paths of minimum jerk (`waypoints.py`). That of the base is a path of its three joints,
-that of the end effector one of the task axes of its frame, while the other axes stay.
+that of the end effector one of the task axes of its frame, while the other axes stay or, for a
+robot with a carrier, the base follows (`following_base.py`).
 """
 
 from __future__ import annotations
@@ -16,12 +17,14 @@ from typing import NamedTuple
 
 from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError
+from masmc_ros.reference.following_base import follow_tip
 from masmc_ros.reference.jerk_limited import jerk_limited_knots, shared_limits
 from masmc_ros.reference.joint_path import JointPoints, JointState, places_between
+from masmc_ros.reference.minimum_jerk import sample_knots, smooth_knots, stopped
 from masmc_ros.reference.rotations import check_unit, continued_vectors
-from masmc_ros.reference.waypoints import sample_knots, smooth_knots, stopped
 from masmc_ros.robot.approach_blend import SHORTEST
 from masmc_ros.robot.declaration import Mechanism
+from masmc_ros.robot.robot import Robot
 import numpy as np
 
 _PLANE = 3
@@ -161,20 +164,30 @@ class PosePoints:
             times, poses = times[1:], poses[1:]
         return JointPoints(np.arange(_PLANE), times, poses)
 
-    def task_path(self, mechanism: Mechanism, before: Array, speeds: Speeds) -> TaskPath:
+    def task_path(
+        self, robot: Robot, before: Array, speeds: Speeds, *, base_follows: bool = False
+    ) -> TaskPath:
         """
         Return a path of the end effector in task coordinates.
 
         Parameters
         ----------
-        mechanism
-            Type of the robot.
+        robot
+            Robot.
         before
             Sample (3 axes) of the reference at the start.
         speeds
             Largest speeds of a path without times.
+        base_follows
+            True to plan the path of the robot's carrier, if it has one; otherwise it stays.
 
         """
+        path = self._tip_path(robot.mechanism, before, speeds)
+        if not base_follows or robot.mechanism.carrier is None:
+            return path
+        return path.with_base(robot, before[robot.mechanism.carrier.plane])
+
+    def _tip_path(self, mechanism: Mechanism, before: Array, speeds: Speeds) -> TaskPath:
         place = mechanism.places[0]
         start, velocity, acceleration = np.split(before, 3)
         knots = np.repeat(start[None], 1 + len(self.positions), axis=0)
@@ -226,6 +239,10 @@ class TaskPath:
         rest = stopped(position, velocity, acceleration, duration)
         end = np.concatenate([rest, np.zeros(len(velocity) + len(acceleration))])
         return cls.through(np.array([0.0, duration]), np.vstack([sample, end]))
+
+    def with_base(self, robot: Robot, start: Array) -> TaskPath:
+        """Return the path with that of the carrier, which starts at a place (2) in m."""
+        return self.through(*follow_tip(robot, self._times, self._knots, start))
 
     @classmethod
     def through(cls, times: Array, knots: Array) -> TaskPath:

@@ -10,6 +10,7 @@ from typing import ClassVar, Protocol
 
 from masmc_ros.params.declaration import Parameter, Values
 from masmc_ros.robot.declaration import Mechanism
+from masmc_ros.robot.robot import Robot
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,7 +23,9 @@ class Reference(Protocol):
     Type of trajectory with a class attribute `parameters`, created from checked values.
 
     A type for certain task axes has their names in the class attribute `axes`. A type that depends
-    on the task has a class method `of(values, mechanism)`, which creates it.
+    on the task has a class method `of(values, mechanism)`, which creates it. A type whose path may
+    leave out the base has a method `complete(robot)`, which adds that of a robot with a carrier,
+    and returns a sentence on it; empty if there is nothing to add.
     """
 
     parameters: ClassVar[Declared]
@@ -35,7 +38,13 @@ class Reference(Protocol):
         ...
 
 
-def made(kind: type[Reference], values: Values, mechanism: Mechanism) -> Reference:
-    """Return a trajectory of a type from checked values; InputError if it rejects them."""
+def made(kind: type[Reference], values: Values, robot: Robot) -> tuple[Reference, str]:
+    """
+    Return a trajectory of a type from checked values, and a sentence on what it has added.
+
+    Raises InputError if the type rejects the values.
+    """
     of: Callable[[Values, Mechanism], Reference] | None = getattr(kind, 'of', None)
-    return kind(values) if of is None else of(values, mechanism)
+    reference = kind(values) if of is None else of(values, robot.mechanism)
+    complete: Callable[[Robot], str] | None = getattr(reference, 'complete', None)
+    return reference, '' if complete is None else complete(robot)

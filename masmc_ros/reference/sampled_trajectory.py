@@ -15,7 +15,17 @@ PATH_RECEIVED = 'path received'
 
 
 class SampledTrajectory:
-    """Trajectory of samples at the ticks of a run; as `Trajectory` for a simulation."""
+    """
+    Trajectory of samples at the ticks of a run; as `Trajectory` for a simulation.
+
+    Attributes
+    ----------
+    note
+        Empty, because the samples are complete.
+
+    """
+
+    note = ''
 
     def __init__(self, ticks: NDArray[np.int64], samples: Array) -> None:
         """

@@ -159,6 +159,8 @@ class Trajectory:
     ----------
     kind
         Value of `type`.
+    note
+        A sentence on what the path leaves out and is planned; empty if it is complete.
 
     """
 
@@ -184,7 +186,7 @@ class Trajectory:
         self._robot = robot
         self._axes = len(own)
         with self._reported():
-            self._reference = made(chosen, own_values, robot.mechanism)
+            self._reference, self.note = made(chosen, own_values, robot)
         if kind not in BUILT_IN:
             # A dry run before compilation, and before the first tick of a node.
             with interpreted():

@@ -19,18 +19,15 @@ from typing import ClassVar
 
 from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError
-from masmc_ros.jit.compiled import kernel
-from masmc_ros.numerics.elimination import solve_band
-from masmc_ros.numerics.hermite import quintic
 from masmc_ros.params.declaration import Parameter, Values
 from masmc_ros.params.text import yaml_text
+from masmc_ros.reference.following_base import base_note, follow_tip
+from masmc_ros.reference.minimum_jerk import sample_knots, smooth_knots
 from masmc_ros.reference.reference import Declared
 from masmc_ros.reference.rotations import continued_vectors, orientation_of
 from masmc_ros.robot.declaration import Mechanism
+from masmc_ros.robot.robot import Robot
 import numpy as np
-
-_BESIDE = 3
-"""Diagonals on each side of the main one: a knot's two unknowns meet those of its neighbours."""
 
 _QUATERNIONS = Parameter(
     'waypoints.quaternions', (),
@@ -72,6 +69,14 @@ class Waypoints:
         self._knots = np.hstack([points, np.zeros((len(points), 2 * points.shape[1]))])
         if not values['stops']:
             smooth_knots(self._times, self._knots)
+        self._lacks_base: bool = values.get('lacks_base', False)
+
+    def complete(self, robot: Robot) -> str:
+        """Add the path of the base if the points lack it, and return a sentence on it."""
+        if not self._lacks_base:
+            return ''
+        self._times, self._knots = follow_tip(robot, self._times, self._knots)
+        return base_note(robot, self._knots)
 
     @classmethod
     def of(cls, values: Values, mechanism: Mechanism) -> Waypoints:
@@ -82,6 +87,12 @@ class Waypoints:
         own = [axis.name for axis in axes]
         if rotation is not None:
             del own[rotation.axes]
+        base = mechanism.carrier
+        if base is not None and len(values['points']) == len(times) * (len(own) - base.size):
+            # Only the end effector's coordinates; those of the base are added later.
+            tips = np.array(values['points'], dtype=np.float64).reshape(len(times), -1)
+            tips = np.insert(tips, [base.first] * base.size, 0.0, axis=1)
+            values = {**values, 'points': tips.ravel().tolist(), 'lacks_base': True}
         if not times:
             raise InputError('waypoints.times = []: expected a time for each point')
         for before, time in pairwise(times):
@@ -113,85 +124,3 @@ class Waypoints:
     def sample(self, times: Array) -> Array:
         """Return (n, 3 axes) samples at times (n) in s."""
         return sample_knots(self._times, self._knots, times)
-
-
-@kernel
-def smooth_knots(times: Array, knots: Array) -> None:
-    """
-    Write velocity and acceleration into knots (n, 3 axes) that have positions.
-
-    Between the ends the third and fourth derivatives are continuous. Each knot has two unknowns,
-    velocity and acceleration, and two equations with its neighbours. The matrix is that of the
-    integral of the squared jerk, which is symmetric, positive definite and has seven diagonals.
-    """
-    n, axes = len(times) - 2, knots.shape[1] // 3
-    if n < 1:
-        return
-    band, right = np.zeros((2 * n, 1 + _BESIDE)), np.zeros((2 * n, axes))
-    for i in range(n):
-        before, after = times[i + 1] - times[i], times[i + 2] - times[i + 1]
-        p, q = 1.0 / before, 1.0 / after
-        v, a = 2 * i, 2 * i + 1
-        band[v, 0] = 192.0 * (p * p * p + q * q * q)
-        band[v, 1] = 36.0 * (q * q - p * p)
-        band[a, 0] = 9.0 * (p + q)
-        if i + 1 < n:
-            band[v, 2] = 168.0 * q * q * q
-            band[v, 3] = -24.0 * q * q
-            band[a, 1] = 24.0 * q * q
-            band[a, 2] = -3.0 * q
-        for j in range(axes):
-            come = (knots[i + 1, j] - knots[i, j]) * p * p * p
-            go = (knots[i + 2, j] - knots[i + 1, j]) * q * q * q
-            right[v, j] = 360.0 * (come * p + go * q)
-            right[a, j] = 60.0 * (go - come)
-    solve_band(band, right)
-    for i in range(n):
-        for j in range(axes):
-            knots[i + 1, axes + j] = right[2 * i, j]
-            knots[i + 1, 2 * axes + j] = right[2 * i + 1, j]
-
-
-@kernel
-def sample_knots(times: Array, knots: Array, at: Array) -> Array:
-    """Return samples (k, 3 axes) at times `at` (k) of knots (n, 3 axes) at their times (n)."""
-    last, axes = len(times) - 1, knots.shape[1] // 3
-    out = np.empty((len(at), 3 * axes))
-    for k in range(len(at)):
-        time = at[k]
-        if not times[0] < time < times[last]:
-            end = 0 if time <= times[0] else last
-            for j in range(3 * axes):
-                out[k, j] = knots[end, j]
-            continue
-        low, high = 0, last
-        while high - low > 1:
-            middle = (low + high) // 2
-            if times[middle] <= time:
-                low = middle
-            else:
-                high = middle
-        period = times[high] - times[low]
-        part = (time - times[low]) / period
-        for j in range(axes):
-            position, velocity, acceleration = quintic(
-                (knots[low, j], knots[low, axes + j], knots[low, 2 * axes + j]),
-                (knots[high, j], knots[high, axes + j], knots[high, 2 * axes + j]),
-                period,
-                part,
-            )
-            out[k, j] = position
-            out[k, axes + j] = velocity
-            out[k, 2 * axes + j] = acceleration
-    return out
-
-
-def stopped(position: Array, velocity: Array, acceleration: Array, duration: float) -> Array:
-    """
-    Return the positions (k) at which a motion is at rest after a duration in s.
-
-    The motion starts with these positions, velocities and accelerations (k). It is the polynomial
-    of degree four; one of degree five would overshoot.
-    """
-    rest: Array = position + 0.5 * duration * velocity + duration**2 / 12.0 * acceleration
-    return rest

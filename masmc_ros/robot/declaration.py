@@ -276,6 +276,10 @@ class Mechanism:
         True if odometry can replace the base positions.
     speed_settings
         Checked values of SPEED_LIMITS.
+    carrier
+        Point of the base that carries the arm, if it is in the task and can move in any direction
+        at once. A path may leave it out (`reference/following_base.py`); the module then has
+        `comfortable_reach`.
     notes
         Parts of the description of the robot that the model does not follow, a sentence each.
 
@@ -303,6 +307,7 @@ class Mechanism:
     singular: str = 'its task cannot be inverted'
     is_planar: bool = False
     speed_settings: tuple[str, ...] = ()
+    carrier: Point | None = None
     notes: tuple[str, ...] = ()
 
     @property

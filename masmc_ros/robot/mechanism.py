@@ -46,6 +46,11 @@ If a straight line to the reference could leave the robot's reach, it may have:
     approach_start, approach_sample   kernels in place of those of `reference/approach.py`
     regular_posture(angles, rates)    joint angles from which a law in task space can start; None
                                       if it can start from these angles and velocities
+
+With a `carrier` in its declaration it has:
+
+    comfortable_reach(lengths)        least and largest distance in m from the carrier to the end
+                                      effector, clear of both limits of the arm
 """
 
 from __future__ import annotations

@@ -135,6 +135,12 @@ _TRAJECTORY_NODE = (
         unit='m/s³', minimum=0.0,
     ),
     Parameter(
+        'path_base', 'follow',
+        'Base of the paper\'s robot on paths from messages for the end effector only: follow it, '
+        'or hold its point F',
+        choices=('follow', 'hold'),
+    ),
+    Parameter(
         'path_lead', 0.2,
         'Time from the latest state of the robot to the start of a path from a message, with '
         'pacing realtime',

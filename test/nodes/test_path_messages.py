@@ -298,8 +298,22 @@ def test_path_after_the_end_of_the_run_is_rejected() -> None:
     assert run.paths.waiting is None
 
 
-def test_goal_out_of_reach_changes_nothing() -> None:
+def test_base_follows_a_goal_of_the_end_effector() -> None:
     run = Started()
+    before = run.paths.sample(2500, 1)
+    run.wait(pose(3.0, 0.5), 'trajectory/goal')
+    assert run.start(2500) == 2500
+    assert np.abs(run.paths.sample(2500, 1) - before).max() < 1e-12
+    run.check_continuous(2500, run.paths.end + 10 - 2500)
+    end = run.paths.sample(run.paths.end + 1, 1)[0]
+    assert end[:2] == pytest.approx([3.0, 0.5], abs=1e-9)
+    # F was at (0.5, 0), from where the arm reaches 0.876 m.
+    assert 2.3 < end[2] < 2.7
+    assert not end[4:].any()
+
+
+def test_goal_out_of_reach_changes_nothing() -> None:
+    run = Started(path_base='hold')
     expected = run.paths.sample(2500, 100)
     run.wait(pose(3.0, 0.0), 'trajectory/goal')
     with pytest.raises(InputError, match='outside its reach'):
@@ -317,7 +331,7 @@ def test_goal_with_a_limit_of_jerk_continues_the_reference() -> None:
     assert (samples[:1] == before).all()
     run.check_continuous(2500, len(samples))
     assert samples[-1, :2] == pytest.approx([0.9, 0.4], abs=1e-6)
-    jerk = np.linalg.norm(np.diff(samples[:, 8:], axis=0), axis=1).max() / run.timing.period
+    jerk = np.linalg.norm(np.diff(samples[:, 8:10], axis=0), axis=1).max() / run.timing.period
     assert jerk == pytest.approx(2.0, rel=0.3)
 
 

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from masmc_ros.reference.jerk_limited import jerk_limited_knots, SetPoint
 from masmc_ros.reference.joint_path import JointPath, JointState
+from masmc_ros.reference.minimum_jerk import sample_knots
 from masmc_ros.reference.pose_path import HEADING, PosePoints, Speeds
-from masmc_ros.reference.waypoints import sample_knots
 from masmc_ros.robot.robot import robot_of
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ pytest.importorskip('ruckig')
 Array = NDArray[np.float64]
 
 SPEEDS = Speeds(0.25, 0.5, acceleration=0.5, jerk=2.0)
-MECHANISM = robot_of({f'robot.{name}': value for name, value in DEFAULT.items()}).mechanism
+ROBOT = robot_of({f'robot.{name}': value for name, value in DEFAULT.items()})
 LIMITS = np.array([[0.3, 0.5], [0.6, 0.5], [2.0, 3.0]])
 """Velocity, acceleration and jerk of two coordinates."""
 WITHIN = 1.0 + 1e-3
@@ -84,7 +84,7 @@ def test_goal_of_end_effector_continues_moving_reference() -> None:
     before = np.array([
         0.3, 0.5, 0.0, 0.0, 0.2, 0.1, 0.2, 0.0, 0.0, -0.1, 0.0, 0.0,
     ])  # fmt: skip
-    path = goal_of(of_base=False).task_path(MECHANISM, before, SPEEDS)
+    path = goal_of(of_base=False).task_path(ROBOT, before, SPEEDS)
     samples = path.sample(np.linspace(0.0, path.end, 1000))
     assert samples[0].tolist() == before.tolist()
     assert samples[-1, :2] == pytest.approx([0.6, 0.7])
@@ -95,7 +95,7 @@ def test_goal_of_end_effector_continues_moving_reference() -> None:
 
 
 def test_goal_of_base_keeps_limits_of_its_joints() -> None:
-    state = JointState.at_rest(np.zeros(len(MECHANISM.positions)))
+    state = JointState.at_rest(np.zeros(len(ROBOT.mechanism.positions)))
     points = goal_of(of_base=True).joint_points(state, SPEEDS)
     path = JointPath(points, state, HEADING)
     samples = path.sample(np.linspace(0.0, path.end, 1000)).reshape(1000, 3, -1)

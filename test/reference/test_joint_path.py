@@ -227,7 +227,7 @@ def test_pose_path_of_tip_turns_and_keeps_speeds() -> None:
     start = chosen.task_positions(start_of('tree')[None])[0]
     before = np.concatenate([start, np.zeros(2 * len(start))])
     poses = pose_points(of_base=False, positions=[[0.8, 0.0, 0.6]], yaw=1.0)
-    path = poses.task_path(chosen.mechanism, before, SPEEDS)
+    path = poses.task_path(chosen, before, SPEEDS)
     samples = path.sample(np.linspace(0.0, path.end, 500))
     assert samples[0, :6] == pytest.approx(start)
     assert samples[-1, :6] == pytest.approx([0.8, 0.0, 0.6, 0.0, 0.0, 1.0])

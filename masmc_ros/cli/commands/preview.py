@@ -101,6 +101,7 @@ def run(options: argparse.Namespace) -> int:
         'joints': [] if seen is None else _joints(seen),
         'points': [] if seen is None else _points(seen),
         'singular_ticks': None if seen is None else int(seen.is_singular.sum()),
+        'note': '' if seen is None else seen.note,
         'violations': violations,
         'slowdown': slowdown,
         'figure': None if seen is None else picture,
@@ -160,7 +161,8 @@ def _finite(value: float) -> float | None:
 
 
 def _text(result: dict[str, Any]) -> str:
-    lines = [f'exceeded: {text}' for text in result['violations']] or ['within all limits']
+    lines = [result['note']] if result['note'] else []
+    lines += [f'exceeded: {text}' for text in result['violations']] or ['within all limits']
     table: list[str] = []
     if result['joints']:
         table = _table(result)

@@ -110,6 +110,8 @@ def run(options: argparse.Namespace) -> int:
     start = np.array(source.values['plant']['initial_joints'])
     for note in (*mechanism.notes, *mechanism.start_warnings(start, limits.tolist())):
         print(f'warning: {note}', file=sys.stderr)
+    if simulation.trajectory.note:
+        print(simulation.trajectory.note, file=sys.stderr)
     if path is not None:
         # Imported here: a run without a log does not need the packages that write MCAP.
         from masmc_ros.log.write.simulated import SimulationLog

@@ -94,6 +94,8 @@ class TrajectoryNode(SuiteNode):
         self._retry: Timer | None = None
         self._kept = 0, np.empty(0)
         self._check_reach()
+        if self._trajectory.note:
+            self.log.info(self._trajectory.note)
         self.parameters.on_request(self._request)
 
     def connect(self) -> None:

@@ -81,6 +81,7 @@ class ReceivedPaths:
         )  # fmt: skip
         if self._speeds.jerk > 0.0:
             load_ruckig()
+        self._base_follows = values['path_base'] == 'follow'
         self._names = joint_names(values)
         is_timed = values['pacing'] == 'realtime'
         self._lead = math.ceil(values['path_lead'] / timing.period) if is_timed else 0
@@ -248,7 +249,9 @@ class ReceivedPaths:
             return JointTask(JointPath.braking(known, _BRAKING), self._robot, before[:axes])
         if isinstance(points, PosePoints):
             if not points.of_base:
-                return points.task_path(mechanism, before, self._speeds)
+                return points.task_path(
+                    self._robot, before, self._speeds, base_follows=self._base_follows
+                )
             points = points.joint_points(state, self._speeds)
         if isinstance(points, TwistPoints):
             points = points.joint_points(state)

@@ -88,6 +88,8 @@ class Preview:
         Task errors (n, axes) of the robot.
     is_singular
         True (n) if the task is close to singular.
+    note
+        A sentence on the part of the path that was planned; empty for a complete path.
 
     """
 
@@ -101,6 +103,7 @@ class Preview:
     reference: Array
     error: Array
     is_singular: Array
+    note: str
 
     @property
     def range_margin(self) -> Array:
@@ -246,6 +249,7 @@ def preview(values: Mapping[str, Values], slowdown: float = 1.0) -> Preview:
         samples[rows],
         error[rows],
         signal('singular')[rows, 0] != 0,
+        trajectory.note,
     )
 
 

@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 
 _SHORTEST_ARM_BASE = 1.0e-3
 
+_COMFORTABLE = 0.3, 0.65
+"""Parts of the way from the least to the largest reach that bound the comfortable one."""
+
 
 def constants(values: Values) -> tuple[Geometry, BaseParameters]:
     """
@@ -66,6 +69,14 @@ def out_of_reach(
         f'the end effector is to be {distance[bad]:.3f} m from the base of the arm, outside its '
         f'reach; expected {least:.3f} to {most:.3f} m'
     )
+
+
+def comfortable_reach(lengths: NDArray[np.float64]) -> tuple[float, float]:
+    """Return the distances in m from F to E between which the arm is clear of its limits."""
+    robot = Geometry(*lengths)
+    least, most = abs(robot.link_1 - robot.link_2), robot.link_1 + robot.link_2
+    low, high = _COMFORTABLE
+    return least + low * (most - least), least + high * (most - least)
 
 
 def payload_factors(lengths: NDArray[np.float64]) -> NDArray[np.float64]:

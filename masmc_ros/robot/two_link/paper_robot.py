@@ -89,6 +89,7 @@ TWO_LINK = register(
         theta=THETA,
         twist=TWIST,
         points=POINTS,
+        carrier=POINTS[1],
         groups=GROUPS,
         frames=FRAMES,
         parameters=ROBOT,

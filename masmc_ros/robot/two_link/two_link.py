@@ -24,6 +24,7 @@ from masmc_ros.robot.square_task import (
 )
 from masmc_ros.robot.two_link import consistency, dynamics, geometry, kinematics
 from masmc_ros.robot.two_link.constants import (
+    comfortable_reach,
     constants,
     out_of_reach,
     payload_factors,
@@ -46,6 +47,7 @@ __all__ = [
     'approach_sample',
     'approach_start',
     'base_motion',
+    'comfortable_reach',
     'constants',
     'description',
     'frame_origins',
