@@ -83,7 +83,7 @@ test-oldest:
 lint: $(VENV)/.installed-dev
 	@$(BIN)/ruff check .
 	@$(BIN)/mypy
-	@$(BIN)/mypy tools/*.py
+	@$(BIN)/mypy tools/*.py examples/*.py
 
 # A small environment with the extra `docs` alone: the Python API is read from the sources. Warnings
 # are errors. The site needs no network; building it needs one the first time.

@@ -8,7 +8,7 @@ from __future__ import annotations
 import csv
 from pathlib import Path
 
-from helpers.cart_arm import CART_ARM, constants, Posture, regressor, regressor_times
+from cart_arm import CART_ARM, constants, Posture, regressor, regressor_times
 from helpers.log_contents import read_log
 from helpers.processes import processes, ros_arguments
 from masmc_ros.cli.main import main
@@ -40,7 +40,7 @@ def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     package.mkdir(parents=True)
     (package / 'METADATA').write_text('Name: cart_arm\nVersion: 1.0\n')
     (package / 'entry_points.txt').write_text(
-        f'[{ENTRY_POINTS}]\ncart_arm = helpers.cart_arm:CART_ARM\n'
+        f'[{ENTRY_POINTS}]\ncart_arm = cart_arm:CART_ARM\n'
     )
     monkeypatch.syspath_prepend(package.parent)
     path = tmp_path / 'cart.yaml'

@@ -14,7 +14,9 @@ import pytest
 ROOT = Path(__file__).parents[2]
 SOURCES = [
     str(ROOT / name)
-    for name in ('masmc_ros', 'test', 'launch', 'benchmarks', 'tools', 'scripts', 'setup.py')
+    for name in (
+        'masmc_ros', 'test', 'launch', 'benchmarks', 'examples', 'tools', 'scripts', 'setup.py'
+    )
     if (ROOT / name).exists()
 ]
 

@@ -18,6 +18,7 @@ ROOT = Path(__file__).resolve().parents[2]
 DOCUMENTS = [
     ROOT / 'README.md',
     ROOT / 'CONTRIBUTING.md',
+    ROOT / 'examples' / 'README.md',
     *(p for p in sorted((ROOT / 'docs').rglob('*.md')) if ROOT / 'docs' / 'api' not in p.parents),
 ]
 LINK = re.compile(r'\]\((?!https?:|#)([^)#\s]+)')

@@ -206,7 +206,7 @@ def test_files_in_text_exist(page: Path) -> None:
             assert is_file, f'{name} does not exist'
 
 
-FOLDERS = ('masmc_ros', 'test', 'config', 'benchmarks')
+FOLDERS = ('masmc_ros', 'test', 'config', 'benchmarks', 'examples')
 """Folders whose files the documentation names without the folder."""
 
 WRITTEN = {

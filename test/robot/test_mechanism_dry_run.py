@@ -8,7 +8,7 @@ from __future__ import annotations
 from importlib import import_module
 from pathlib import Path
 
-from helpers import cart_arm
+import cart_arm
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
 from masmc_ros.robot.declaration import Mechanism, register

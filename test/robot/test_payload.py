@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from helpers.cart_arm import CART_ARM
+from cart_arm import CART_ARM
 from helpers.robots import Array, between, DEFAULT, PROPERTY
 from helpers.small_tree import parameters, URDF
 from hypothesis import given

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from helpers.cart_arm import CART_ARM
+from cart_arm import CART_ARM
 from helpers.small_tree import parameters, START, URDF
 from hypothesis import given
 from hypothesis import strategies as st

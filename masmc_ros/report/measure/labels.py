@@ -10,7 +10,9 @@ from collections.abc import Sequence
 import os
 from pathlib import Path
 
+from masmc_ros.errors import InputError
 from masmc_ros.law import registry
+from masmc_ros.law.law import Law
 from masmc_ros.log.read.reader import Run
 from masmc_ros.params.declaration import Values
 
@@ -86,8 +88,8 @@ def _commands_rates(controller: Values) -> bool:
 
 
 def _switching(controller: Values) -> list[str]:
-    name, law = controller.get('switching'), registry.LAWS.get(controller['law'])
-    if not isinstance(name, str) or (law is not None and not law.uses_switching):
+    name = controller.get('switching')
+    if not isinstance(name, str) or not _uses_switching(controller['law']):
         return []
     layer, gain = controller.get('boundary_layer'), controller.get('observer_gain')
     if name in _WITH_BOUNDARY_LAYER and isinstance(layer, int | float):
@@ -95,6 +97,15 @@ def _switching(controller: Values) -> list[str]:
     if name == 'implicit' and isinstance(gain, int | float) and gain > 0.0:
         return [f'{name}{OBSERVER}', f'β {gain:g}']
     return [name]
+
+
+def _uses_switching(name: str) -> bool:
+    """Return True for a law with a reaching term, and for one that is not installed."""
+    try:
+        law = registry.load(name)
+    except InputError:
+        return True
+    return isinstance(law, Law) and law.uses_switching
 
 
 def as_text(name: str) -> str:

@@ -402,3 +402,17 @@ def dead_reckoned(model: Lengths, pose: tuple[float], turned: Pair) -> tuple[flo
 def counts_turns(model: Lengths, resolution: Pair) -> bool:
     """Return True if the pulley's encoder has a finite resolution."""
     return resolution[0] > 0.0
+
+
+if __name__ == '__main__':
+    from pathlib import Path
+
+    # Compiled code refers to the module by its name, so it is imported under it.
+    from cart_arm import CART_ARM
+    import masmc_ros as masmc
+    from masmc_ros.params.plug_ins import add_plug_in
+    from masmc_ros.robot.mechanisms import ENTRY_POINTS
+
+    # A package adds it by the entry point `cart_arm = cart_arm:CART_ARM` of this group.
+    add_plug_in(ENTRY_POINTS, 'cart_arm', CART_ARM)
+    print(masmc.simulate(Path(__file__).with_suffix('.yaml')))
