@@ -83,7 +83,8 @@ class ReferenceWindows:
         """Initialise without a reference; `on_notice` receives a text if a source is replaced."""
         self._size, self._on_notice = 3 * axes, on_notice
         self._windows: list[Window] = []
-        self._recent: Window | None = None
+        # The window of the last sample, and the first and last stamp without a newer one.
+        self._recent: tuple[int, int, Window] | None = None
         self._set_point: Array | None = None
 
     def add(self, start: int, period: float, samples: Array) -> None:
@@ -134,17 +135,29 @@ class ReferenceWindows:
     def at(self, stamp: int) -> Array | None:
         """Return the sample (3 axes) at a stamp in ns; None without one."""
         recent = self._recent
-        if recent is not None and recent.start <= stamp <= recent.end:
-            return recent.at(stamp)
+        if recent is not None and recent[0] <= stamp <= recent[1]:
+            return recent[2].at(stamp)
         window = self._covering(stamp)
         if window is None:
             return self._set_point
         if self._set_point is not None:
             self._set_point = None
             self._on_notice('a trajectory has started; it replaces the set-point')
-        self._recent = window
+        self._recent = *self._span(window, stamp), window
         self._forget_before(stamp)
         return window.at(stamp)
+
+    def _span(self, window: Window, stamp: int) -> tuple[int, int]:
+        """Return the first and the last stamp next to a stamp at which a window is the newest."""
+        first, last = window.start, window.end
+        for newer in reversed(self._windows):
+            if newer is window:
+                break
+            if newer.start > stamp:
+                last = min(last, newer.start - 1)
+            else:
+                first = max(first, newer.end + 1)
+        return first, last
 
     def _covering(self, stamp: int) -> Window | None:
         """Return the newest window at a stamp in ns, or one that joins its two neighbours."""

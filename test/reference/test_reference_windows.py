@@ -83,3 +83,18 @@ def test_reference_windows_adjacent_windows_are_interpolated() -> None:
     add(windows, 30, 10)
     assert windows.at(25 * MS) is None
     assert windows.at(19 * MS + MS // 2) is None
+
+
+def test_reference_windows_newest_window_is_used_from_its_start_on() -> None:
+    """A path that starts within a window replaces the rest of it, and holds before and after."""
+    windows = ReferenceWindows(4)
+    old, new = np.zeros((101, 12)), np.ones((21, 12))
+    windows.add(0, 0.01, old)
+    assert windows.at(100_000_000) is not None
+    windows.add(400_000_000, 0.01, new)
+    used = [windows.at(tick * 10_000_000) for tick in range(101)]
+    values = [sample[0] for sample in used if sample is not None]
+    assert values == [0.0] * 40 + [1.0] * 21 + [0.0] * 40
+    # A plant that is set back.
+    back = [windows.at(tick * 10_000_000) for tick in range(100, -1, -1)]
+    assert [sample[0] for sample in back if sample is not None] == values[::-1]
