@@ -241,8 +241,8 @@ def test_tree_mechanism_invalid_differential_base_raises_one_line(
         (
             '',
             '',
-            {'base': 'differential', 'wheels': CORNERS[:2], 'roller_angles': ()},
-            'expected the base frame in the middle between them',
+            {'base': 'differential', 'wheels': CORNERS[1::-1], 'roller_angles': ()},
+            'expected both on one axle, the right one first, at the smaller y',
         ),
     ],
 )

@@ -24,7 +24,13 @@ from masmc_ros.errors import InputError
 from masmc_ros.params.declaration import MutableValues, Value, Values
 from masmc_ros.params.text import yaml_text
 from masmc_ros.robot.declaration import listed
-from masmc_ros.robot.tree.assembly import joint_pose, tree_robot, TreeRobot
+from masmc_ros.robot.tree.assembly import (
+    joint_pose,
+    STEERED,
+    TRACK_FACTOR,
+    tree_robot,
+    TreeRobot,
+)
 from masmc_ros.robot.tree.postures import (
     arm_limits,
     frame_of,
@@ -123,6 +129,8 @@ class _Parts:
 
     driving: list[Joint] = field(default_factory=list)
     castors: list[Joint] = field(default_factory=list)
+    steered: list[Joint] = field(default_factory=list)
+    """Those of the castors that a joint with a range steers."""
     fingers: list[Joint] = field(default_factory=list)
     heads: list[Joint] = field(default_factory=list)
     arm: list[Joint] = field(default_factory=list)
@@ -303,6 +311,8 @@ def _parts(tree: _Tree) -> _Parts:
             _is_named(tree, j, _CASTOR) for j in way
         )
         (parts.castors if is_castor else parts.driving).append(joint)
+        if any(_is_steering(tree, other) for other in _swivels(tree, joint)):
+            parts.steered.append(joint)
         parts.castors += [other for other in way[:-1] if other not in parts.castors]
     for joint in independent:
         rollers = any(j in tree.carried(wheel) for wheel in wheels for j in [joint])
@@ -386,6 +396,13 @@ def _swivels(tree: _Tree, wheel: Joint) -> list[Joint]:
     return [joint for joint in way if not _is_named(tree, joint, ('suspension',))]
 
 
+def _is_steering(tree: _Tree, swivel: Joint) -> bool:
+    """Return True if a drive turns the swivel of a wheel, by its name or its range."""
+    return _is_named(tree, swivel, ('steer',)) or (
+        swivel.kind == 'revolute' and not _is_named(tree, swivel, _CASTOR)
+    )
+
+
 def _has_twin(tree: _Tree, joint: Joint) -> bool:
     """Return True if one other joint is the mirror image of a joint, as that of an axle."""
     x, y, z = tree.poses[joint.child][1]
@@ -421,6 +438,12 @@ def _base(
     wheels, notes = parts.driving, []
     if 'robot.wheels' in values or values.get('robot.base') == 'fixed':
         return [], []
+    if parts.steered and 'robot.base' not in values:
+        steered = listed([joint.name for joint in parts.steered])
+        return [], [
+            f'the base is fixed, because its wheels are steered (swerve or Ackermann), which is'
+            f' not supported: {steered}; {STEERED}'
+        ]
     if not wheels:
         castors = [joint.name for joint in parts.castors]
         if castors and 'robot.base' not in values:
@@ -431,39 +454,58 @@ def _base(
         return [], notes
     names = [joint.name for joint in wheels]
     base = values.get('robot.base')
-    options: list[MutableValues] = []
-    reason, error = '', ''
+    kind, reason, of_wheels, error = '', '', '', ''
+    rolls_any_way = any(_is_named(tree, joint, _ANY_WAY) for joint in wheels)
     if len(wheels) == 2 and base in (None, 'differential'):
-        for frame in _frames_of_base(tree, values):
-            right, left = sorted(wheels, key=lambda joint: _seen(tree, frame, joint)[1])
-            for radius in _radii(tree, values, right):
-                options.append({
-                    'robot.base': 'differential', 'robot.base_frame': frame,
-                    'robot.wheels': (right.name, left.name), 'robot.wheel_radius': radius,
-                })  # fmt: skip
-        reason = 'two wheels on one axle, the right one first'
+        kind, reason = 'differential', 'two wheels on one axle, the right one first'
     elif len(wheels) == 3 and base in (None, 'omnidirectional'):
-        for frame in _frames_of_base(tree, values):
-            for radius in _radii(tree, values, wheels[0]):
-                options.append({
-                    'robot.base': 'omnidirectional', 'robot.base_frame': frame,
-                    'robot.wheels': tuple(names), 'robot.wheel_radius': radius,
-                })  # fmt: skip
+        kind = 'omnidirectional'
         reason = 'three wheels; their rollers are assumed perpendicular (robot.roller_angles)'
+    elif len(wheels) > 3 and base in (None, 'differential') and not rolls_any_way:
+        kind = 'differential'
+        factor = values.get('robot.track_factor', TRACK_FACTOR)
+        reason = (
+            f'{len(wheels)} wheels in two rows, a skid-steer base. For mecanum wheels state'
+            ' robot.base omnidirectional'
+        )
+        of_wheels = (
+            'those of the right side first; the first one of a side has the torque and the limit'
+            f' of the side. The effective track is {factor:g} times the distance of the sides'
+            ' (robot.track_factor)'
+        )
+    options: list[MutableValues] = []
+    for frame in _frames_of_base(tree, values) if kind else ():
+        order = names
+        if kind == 'differential':
+            across = {joint.name: _seen(tree, frame, joint)[1] for joint in wheels}
+            middle = 0.5 * (min(across.values()) + max(across.values()))
+            order = sorted(names, key=lambda name: across[name] > middle)
+        for radius in _radii(tree, values, tree.joints[order[0]]):
+            options.append({
+                'robot.base': kind, 'robot.base_frame': frame, 'robot.wheels': tuple(order),
+                'robot.wheel_radius': radius,
+            })  # fmt: skip
+    usable: tuple[MutableValues, TreeRobot] | None = None
     for option in options:
         try:
             # One joint is enough; the others, of a suspension for example, are held.
             first = tuple(joint.name for joint in parts.arm[:1])
             rollers = values.get('robot.roller_angles', (0.0,))
             own = {'robot.joints': first, 'robot.roller_angles': rollers}
-            _robot(tree.description, where, {**option, **own})
+            robot = _robot(tree.description, where, {**option, **own})
         except InputError as problem:
             error = error or str(problem)
             continue
+        usable = usable or (option, robot)
+        if robot.axle is None:
+            usable = option, robot
+            break
+    if usable is not None:
+        option, robot = usable
         texts = {
             'robot.base': reason,
             'robot.base_frame': f'{listed(names)} are symmetric to this frame',
-            'robot.wheels': reason,
+            'robot.wheels': of_wheels or reason,
             'robot.wheel_radius': "the radius of the wheel's shape",
         }
         usual = {'robot.base_frame': '', 'robot.wheel_radius': 0.0}
@@ -475,7 +517,7 @@ def _base(
         for choice in choices:
             values.setdefault(choice.parameter, choice.value)
         return choices, notes
-    if len(wheels) > 3 and base is None and any(_is_named(tree, j, _ANY_WAY) for j in wheels):
+    if len(wheels) > 3 and base is None and rolls_any_way:
         values['robot.base'] = 'omnidirectional'
         reason = (
             f'{len(wheels)} wheels whose names say that they drive it in every direction; it is'
@@ -483,10 +525,7 @@ def _base(
         )
         return [Choice('robot.base', 'omnidirectional', reason)], notes
     if base is None:
-        why = error.removeprefix(f'{where}: ') or (
-            f'{len(wheels)} wheels are more than the base has velocities, which is not supported'
-            if len(wheels) > 3 else f'{len(wheels)} wheel'
-        )  # fmt: skip
+        why = error.removeprefix(f'{where}: ') or f'{len(wheels)} wheel'
         notes = [
             f'the base is fixed, because its wheels {listed(names)} are not used: {why}.'
             ' robot.base omnidirectional drives the base directly'
@@ -622,6 +661,7 @@ def _robot(description: Description, where: str, values: Values) -> TreeRobot:
         wheels=values.get('robot.wheels', ()),
         wheel_radius=values.get('robot.wheel_radius', 0.0),
         roller_angles=rollers if any(rollers) and len(rollers) > 1 else (),
+        track_factor=values.get('robot.track_factor', TRACK_FACTOR),
         joints=values.get('robot.joints', ()),
         held=dict(zip(names, positions.tolist(), strict=True)),
     )
@@ -643,7 +683,7 @@ def _task_and_start(
         texts = tuple(stated or (kind,))
         if not stated and len(OUTPUTS.get(kind, ())) > velocities:
             continue
-        task = task_in(robot, description, every, texts)
+        task = task_in(robot, every, texts)
         pivots = _pivots(robot, task, every, postures)
         if stated or kind == 'joints' or pivots.max() > 2.0 * every['robot.least_pivot']:
             best = task, pivots
@@ -671,7 +711,7 @@ def _task_and_start(
     choices.append(Choice(DURATION, _DURATION, 'length of the run in s'))
     drives = 0 if robot.tree.base == 0 else robot.tree.base
     if robot.wheels is not None:
-        drives = len(robot.wheels.joints)
+        drives = len(robot.wheels.drives)
     choices.append(Choice(START, (*(0.0,) * drives, *start.tolist()), why))
     return choices + _path(robot, task, every, start)
 

@@ -14,7 +14,7 @@ Bastin and d'Andrea-Novel 1996).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
 from typing import NamedTuple
 
@@ -58,11 +58,12 @@ class Mount(NamedTuple):
 @dataclass(frozen=True)
 class Wheels:
     """
-    Wheels that drive a base: two of a differential one, three or more of an omnidirectional one.
+    Wheels that drive a base.
 
-    With nu the base's rates, u and omega or u, v and omega, in m/s and rad/s: rates of the
-    wheels = `matrix` nu, nu = `inverse` rates; forces on nu = `matrix`' torques, and `inverse`'
-    forces are the torques of minimum norm for them.
+    A differential base has two, or four or more if it is skid-steer; an omnidirectional one has
+    three or more. With nu the base's rates, u and omega or u, v and omega, in m/s and rad/s:
+    rates of the wheels = `matrix` nu, nu = `inverse` rates; forces on nu = `matrix`' torques, and
+    `inverse`' forces are the torques of minimum norm for them.
 
     Attributes
     ----------
@@ -76,6 +77,9 @@ class Wheels:
         (rates, N), by least squares if there are more wheels than rates.
     spin
         (N) moments of inertia about the axles, in kg·m².
+    sides
+        Of a skid-steer base, the numbers of the wheels on the right and on the left; they turn
+        like the first one of their side.
 
     """
 
@@ -84,6 +88,65 @@ class Wheels:
     matrix: NDArray[np.float64]
     inverse: NDArray[np.float64]
     spin: NDArray[np.float64]
+    sides: tuple[tuple[int, ...], ...] = ()
+
+    @property
+    def drives(self) -> tuple[Joint, ...]:
+        """
+        Joints of the wheels as drives: each one, or the first of each side for all of its side.
+
+        The limits of effort and the friction of a side are sums, its speed is the smallest.
+        """
+        return tuple(self._side(side) for side in self.sides) or self.joints
+
+    @property
+    def drive_matrix(self) -> NDArray[np.float64]:
+        """Rates of the drives per base rate, in rad/m and 1."""
+        return self.matrix[[side[0] for side in self.sides]] if self.sides else self.matrix
+
+    @property
+    def followers(self) -> dict[str, tuple[str, float, float]]:
+        """Drive, rate per rate of the drive, and offset 0 of each other wheel, by name."""
+        return {
+            self.joints[wheel].name: (self.joints[first].name, self._direction(wheel, first), 0.0)
+            for first, *others in self.sides
+            for wheel in others
+        }
+
+    @property
+    def distribution(self) -> NDArray[np.float64]:
+        """
+        Torques (N, drives) of the wheels per torque of the drives.
+
+        The wheels of a side have shares in proportion to their limits of effort, or equal shares
+        if one of them has no limit.
+        """
+        if not self.sides:
+            return np.eye(len(self.joints))
+        torques = np.zeros((len(self.joints), len(self.sides)))
+        for drive, side in enumerate(self.sides):
+            efforts = np.array([self.joints[wheel].effort for wheel in side])
+            if not self._has_limits(side):
+                efforts = np.ones(len(side))
+            directions = [self._direction(wheel, side[0]) for wheel in side]
+            torques[list(side), drive] = directions * efforts / efforts.sum()
+        return torques
+
+    def _direction(self, wheel: int, first: int) -> float:
+        return math.copysign(1.0, self.matrix[wheel, 0] * self.matrix[first, 0])
+
+    def _has_limits(self, side: Sequence[int]) -> bool:
+        return all(0.0 < self.joints[wheel].effort < math.inf for wheel in side)
+
+    def _side(self, side: Sequence[int]) -> Joint:
+        joints = [self.joints[wheel] for wheel in side]
+        return replace(
+            joints[0],
+            effort=sum(joint.effort for joint in joints) if self._has_limits(side) else math.inf,
+            speed=min((joint.speed for joint in joints if joint.speed), default=math.inf),
+            damping=sum(joint.damping for joint in joints),
+            friction=sum(joint.friction for joint in joints),
+        )
 
     def inertia(self, armature: float) -> NDArray[np.float64]:
         """
@@ -102,12 +165,56 @@ class Wheels:
         return _squares(self.matrix, self.spin + armature)
 
 
+def middle_of(mounts: Sequence[Mount], where: str) -> tuple[float, float]:
+    """
+    Return x and y in m between the wheels of a differential base; 0 within a tolerance.
+
+    Parameters
+    ----------
+    mounts
+        Mountings of right and left wheel, or of all wheels of a skid-steer base.
+    where
+        Source of the description, for messages.
+
+    Raises
+    ------
+    InputError
+        If the wheels are on no axle, or if there are not as many on both sides.
+
+    """
+    centres = np.array([mount.centre for mount in mounts])
+    x, y = float(centres[:, 0].mean()), float(0.5 * (centres[:, 1].min() + centres[:, 1].max()))
+    ends = centres[:, 1] - y
+    half = np.abs(ends).max()
+    if len(mounts) == 2 and (ends[0] >= 0.0 or abs(np.diff(centres[:, 0])[0]) > _TOLERANCE):
+        right, left = (mount.centre for mount in mounts)
+        raise InputError(
+            f'{where}: wheels at {right} and {left}; expected both on one axle, the right one'
+            ' first, at the smaller y'
+        )
+    if (
+        (ends < 0.0).sum() * 2 != len(mounts)
+        or (half - np.abs(ends) > _TOLERANCE).any()
+        or half <= _TOLERANCE
+    ):
+        raise InputError(
+            f'{where}: wheels at {[mount.centre for mount in mounts]}; expected as many on the'
+            ' right as on the left, all at the same distance from the middle'
+        )
+    spread = abs(x) + (abs(2.0 * y) if len(mounts) > 2 else 0.0)
+    if len(mounts) == 2:
+        (x_right, y_right, _), (x_left, y_left, _) = (mount.centre for mount in mounts)
+        spread = abs(x_right) + abs(x_left) + abs(y_right + y_left)
+    return (x, y) if spread > _TOLERANCE else (0.0, 0.0)
+
+
 def driving_wheels(
     base: int,
     mounts: Sequence[Mount],
     where: str,
     radius: float = 0.0,
     roller_angles: Sequence[float] = (),
+    track_factor: float = 1.0,
 ) -> Wheels:
     """
     Return the wheels of these mountings.
@@ -115,7 +222,8 @@ def driving_wheels(
     Parameters
     ----------
     base
-        DIFFERENTIAL, which needs a right and a left wheel, or OMNIDIRECTIONAL.
+        DIFFERENTIAL, which needs a right and a left wheel or all wheels of a skid-steer base
+        around the frame of the base, or OMNIDIRECTIONAL.
     mounts
         Mountings of the wheels.
     where
@@ -125,11 +233,13 @@ def driving_wheels(
     roller_angles
         of each wheel, in rad: from the rolling direction to the axis of the roller on the
         ground, counter-clockwise as seen from above; empty for 0 of all.
+    track_factor
+        Effective track of a skid-steer base, relative to the distance of its wheels.
 
     Raises
     ------
     InputError
-        If the wheels cannot drive such a base.
+        If the wheels cannot drive such a base. One message has all reasons.
 
     """
     names = [mount.joint.name for mount in mounts]
@@ -138,35 +248,19 @@ def driving_wheels(
             f'robot.roller_angles {list(roller_angles)}: expected one for each of robot.wheels'
             f' {names} of an omnidirectional base, or none'
         )
-    for mount in mounts:
-        x, y, z = mount.axle
-        if abs(z) > _TOLERANCE or (base == DIFFERENTIAL and abs(x) > _TOLERANCE):
-            expected = "the base's y" if base == DIFFERENTIAL else 'the ground'
-            raise InputError(
-                f"{where}, line {mount.joint.line}: joint '{mount.joint.name}' is no wheel of"
-                f' such a base: its axle is along {tuple(round(part, 3) for part in mount.axle)},'
-                f' expected parallel to {expected}'
-            )
-        if abs(mount.centre[2] - mounts[0].centre[2]) > _TOLERANCE:
-            raise InputError(
-                f"{where}, line {mount.joint.line}: joint '{mount.joint.name}': wheels at heights"
-                f' {[wheel.centre[2] for wheel in mounts]} m, expected equal ones'
-            )
-    if base == DIFFERENTIAL:
-        (x, y, _), (x_left, y_left, _) = right, left = [mount.centre for mount in mounts]
-        if abs(x) + abs(x_left) + abs(y + y_left) > _TOLERANCE or y >= 0.0:
-            raise InputError(
-                f'{where}: wheels at {right} and {left}; expected the base frame in the middle'
-                ' between them, the right one at negative y; if it is elsewhere, add a link there'
-                ' by a fixed joint, and name it in robot.base_frame'
-            )
-    height = mounts[0].centre[2]
-    missing = ''
-    if radius <= 0.0 and height <= 0.0:
-        missing = (
-            f'robot.wheel_radius: the axles are {height} m above the base frame, which is not on'
-            ' the ground; expected the radius in m'
+    if base == DIFFERENTIAL and any(middle_of(mounts, where)):
+        raise InputError(
+            f'{where}: wheels at {[mount.centre for mount in mounts]}; expected the base frame in'
+            ' the middle between them'
         )
+    problems = _of_mounting(base, mounts)
+    height = mounts[0].centre[2]
+    if radius <= 0.0 and height <= 0.0:
+        problems.append((
+            0,
+            f'robot.wheel_radius: the axles are {height} m above the base frame, which is not on'
+            ' the ground; expected the radius in m',
+        ))
     radius = radius if radius > 0.0 else height or 1.0
     matrix = np.array(
         [
@@ -174,23 +268,59 @@ def driving_wheels(
             for mount, angle in zip(mounts, roller_angles or [0.0] * len(mounts), strict=True)
         ]
     )
+    sides: tuple[tuple[int, ...], ...] = ()
     if base == DIFFERENTIAL:
         matrix = np.ascontiguousarray(matrix[:, ::2])
+        if len(mounts) > 2:
+            right = [mount.centre[1] < 0.0 for mount in mounts]
+            sides = tuple(
+                tuple(i for i, is_right in enumerate(right) if is_right is side)
+                for side in (True, False)
+            )
+            matrix[:, 1] *= track_factor
+            for first, *others in sides:
+                for wheel in others:
+                    # Wheels of one side turn together.
+                    same = math.copysign(1.0, matrix[wheel, 0] * matrix[first, 0])
+                    matrix[wheel] = same * matrix[first]
     try:
         inverse = _inverse(matrix, f'robot.wheels {names}')
     except InputError as error:
-        place = where if missing else f'{where}, line {mounts[0].joint.line}'
-        missing = '; '.join(filter(None, (missing, str(error))))
-        raise InputError(f'{place}: {missing}') from None
-    if missing:
-        raise InputError(f'{where}: {missing}')
+        problems.append((0 if problems else mounts[0].joint.line, str(error)))
+    if problems:
+        line = problems[0][0]
+        place = f'{where}, line {line}' if line else where
+        raise InputError(f'{place}: {"; ".join(text for _, text in problems)}')
     return Wheels(
         tuple(mount.joint for mount in mounts),
         radius,
         matrix,
         inverse,
         np.array([mount.spin for mount in mounts]),
+        sides,
     )
+
+
+def _of_mounting(base: int, mounts: Sequence[Mount]) -> list[tuple[int, str]]:
+    """Return line and description of each wheel with an impossible axle or height."""
+    problems = []
+    for mount in mounts:
+        x, _, z = mount.axle
+        line, joint = mount.joint.line, f"joint '{mount.joint.name}'"
+        if abs(z) > _TOLERANCE or (base == DIFFERENTIAL and abs(x) > _TOLERANCE):
+            expected = "the base's y" if base == DIFFERENTIAL else 'the ground'
+            problems.append((
+                line,
+                f'{joint} is no wheel of such a base: its axle is along'
+                f' {tuple(round(part, 3) for part in mount.axle)}, expected parallel to'
+                f' {expected}',
+            ))
+        if abs(mount.centre[2] - mounts[0].centre[2]) > _TOLERANCE:
+            heights = [wheel.centre[2] for wheel in mounts]
+            problems.append((
+                line, f'{joint}: wheels at heights {heights} m, expected equal ones'
+            ))  # fmt: skip
+    return problems
 
 
 def _slope(roller_angle: float) -> float:

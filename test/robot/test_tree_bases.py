@@ -1,0 +1,247 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Bases with an axle next to the base frame, skid-steer bases, and steered wheels."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from helpers.tree_bits import model_of
+from masmc_ros.errors import InputError
+from masmc_ros.robot.robot import robot_of
+from masmc_ros.robot.tree import dynamics, kinematics
+from masmc_ros.robot.tree.assembly import AXLE, tree_robot, TreeRobot
+from masmc_ros.robot.tree.identified import values_of
+from masmc_ros.robot.tree.tree_mechanism import tree_mechanism
+from masmc_ros.robot.tree.urdf_defaults import urdf_defaults
+from masmc_ros.robot.urdf import read_urdf
+import numpy as np
+from numpy.typing import NDArray
+import pytest
+
+Array = NDArray[np.float64]
+
+_BODY = """<link name="{0}"><inertial><origin xyz="{1}"/><mass value="{2}"/>
+<inertia ixx="{3}" ixy="0" ixz="0" iyy="{4}" iyz="0" izz="{3}"/></inertial></link>"""
+_JOINT = """<joint name="{0}_joint" type="{1}"><parent link="{2}"/><child link="{0}"/>
+<origin xyz="{3}"/><axis xyz="{4}"/>{5}</joint>"""
+_RANGE = '<limit lower="-2" upper="2" effort="30" velocity="3"/>'
+
+HALF, RADIUS, AHEAD = 0.3, 0.1, 0.15
+
+
+def wheel(name: str, x: float, side: int, *, axis: int = 1, effort: float = 8.0) -> str:
+    """Return a wheel of the robot, on the right (-1) or left (1)."""
+    limit = f'<limit effort="{effort}" velocity="20"/><dynamics damping="0.1" friction="0.2"/>'
+    return _BODY.format(name, '0 0 0', 1.5, 0.004, 0.006) + _JOINT.format(
+        name, 'continuous', 'base', f'{x} {side * HALF} {RADIUS}', f'0 {axis} 0', limit
+    )
+
+
+def robot_text(*wheels: str) -> str:
+    """Return the URDF of a base with an arm of two joints on these wheels."""
+    parts = [
+        _BODY.format('base', '0.03 0.01 0.2', 20.0, 0.6, 0.8), *wheels,
+        _BODY.format('upper', '0.1 0.02 0', 2.0, 0.02, 0.03),
+        _BODY.format('hand', '0.1 0 0.05', 1.0, 0.01, 0.02),
+        _JOINT.format('upper', 'revolute', 'base', '0.2 0.1 0.4', '0 0 1', _RANGE),
+        _JOINT.format('hand', 'revolute', 'upper', '0.3 0 0', '0 1 0', _RANGE),
+    ]  # fmt: skip
+    return f'<robot name="cart">{"".join(parts)}</robot>'
+
+
+ON_AXLE = robot_text(wheel('right', AHEAD, -1), wheel('left', AHEAD, 1))
+SKID = robot_text(
+    wheel('front_left_wheel', AHEAD + 0.25, 1, axis=-1),
+    wheel('front_right_wheel', AHEAD + 0.25, -1),
+    wheel('rear_left_wheel', AHEAD - 0.25, 1),
+    wheel('rear_right_wheel', AHEAD - 0.25, -1, effort=4.0),
+)
+SKID_WHEELS = tuple(
+    f'{end}_{side}_wheel_joint' for side in ('right', 'left') for end in ('front', 'rear')
+)
+
+
+def cart(text: str, wheels: tuple[str, ...], **settings: Any) -> TreeRobot:
+    """Return the robot on its wheels."""
+    arguments = {'base': 'differential', 'wheels': wheels, 'armature': 0.01, **settings}
+    return tree_robot(read_urdf(text, 'cart.urdf'), 'cart.urdf', **arguments)
+
+
+def test_axle_ahead_of_base_frame_equals_added_link() -> None:
+    """The added link is the base frame, as one that the user adds and names."""
+    link = f'<link name="mine"/><joint name="m" type="fixed"><parent link="base"/>\
+<child link="mine"/><origin xyz="{AHEAD} 0 0"/></joint></robot>'
+    wheels = ('right_joint', 'left_joint')
+    own = cart(ON_AXLE, wheels)
+    stated = cart(ON_AXLE.replace('</robot>', link), wheels, base_frame='mine')
+    assert (own.base_frame, stated.base_frame, stated.axle) == (AXLE, 'mine', None)
+    np.testing.assert_array_equal(own.inertial_parameters, stated.inertial_parameters)
+    np.testing.assert_array_equal(own.tree.offset, stated.tree.offset)
+    np.testing.assert_array_equal(own.tree.armature, stated.tree.armature)
+    assert own.frames['base'].offset == pytest.approx((-AHEAD, 0.0, 0.0))
+    assert "the middle of the wheels is at x 0.15 m, y 0 m of 'base'" in own.notes[0]
+
+
+def test_axle_ahead_transforms_lead_to_root_link() -> None:
+    """The published transforms place the root link behind the axle, also after a turn."""
+    values = {
+        'robot.urdf': ON_AXLE, 'robot.base': 'differential',
+        'robot.wheels': ('right_joint', 'left_joint'), 'robot.task': ('joints',),
+    }  # fmt: skip
+    mechanism = tree_mechanism(values)
+    assert mechanism.frames[0] == ('odom', AXLE)
+    assert f'<link name="{AXLE}"' in mechanism.text
+    position = np.array([[1.0, 2.0, 0.5 * math.pi, 0.0, 0.0, 0.0, 0.0]])
+    poses = mechanism.formulas.frame_transforms(mechanism._frames.origin, position)[0]
+    back = mechanism.frames.index((AXLE, 'base'))
+    np.testing.assert_allclose(poses[0, :3], [1.0, 2.0, 0.0], atol=1e-15)
+    np.testing.assert_allclose(poses[back, :3], [-AHEAD, 0.0, 0.0], atol=1e-15)
+    # A description with other inertial parameters keeps the link and its place.
+    robot = robot_of({p.name: p.default for p in mechanism.parameters} | values)
+    again = tree_mechanism(values_of(robot, robot.theta))
+    np.testing.assert_allclose(
+        again.robot.inertial_parameters, mechanism.robot.inertial_parameters, atol=1e-12
+    )
+
+
+@pytest.mark.parametrize(
+    ('text', 'wheels', 'expected'),
+    [
+        (ON_AXLE, ('left_joint', 'right_joint'), 'the right one first, at the smaller y'),
+        (
+            robot_text(wheel('right', 0.1, -1), wheel('left', 0.2, 1)),
+            ('right_joint', 'left_joint'), 'expected both on one axle',
+        ),
+        (
+            robot_text(*(wheel(f'w{i}', 0.1 * i, -1 if i else 1) for i in range(4))),
+            tuple(f'w{i}_joint' for i in range(4)), 'as many on the right as on the left',
+        ),
+        (ON_AXLE, ('right_joint',), 'or of all wheels of a skid-steer base'),
+        (
+            ON_AXLE.replace(f'-{HALF} {RADIUS}"/><axis xyz="0 1', f'-{HALF} 0.2"/><axis xyz="1 0'),
+            ('right_joint', 'left_joint'),
+            "is along (1.0, 0.0, 0.0), expected parallel to the base's y; joint 'left_joint':"
+            ' wheels at heights [0.2, 0.1] m, expected equal ones',
+        ),
+    ],
+)  # fmt: skip
+def test_differential_wheels_invalid_raise_one_line(
+    text: str, wheels: tuple[str, ...], expected: str
+) -> None:
+    with pytest.raises(InputError) as raised:
+        cart(text, wheels)
+    assert expected in str(raised.value)
+    assert '\n' not in str(raised.value)
+
+
+def test_skid_steer_rates_limits_and_shares() -> None:
+    robot = cart(SKID, SKID_WHEELS, track_factor=1.8)
+    wheels = robot.wheels
+    assert wheels is not None
+    ahead, turn = 1.0 / RADIUS, 1.8 * HALF / RADIUS
+    expected = [[ahead, turn], [ahead, turn], [-ahead, turn], [ahead, -turn]]
+    np.testing.assert_allclose(wheels.matrix, expected, rtol=1e-12)
+    assert [drive.name for drive in wheels.drives] == [SKID_WHEELS[0], SKID_WHEELS[2]]
+    assert robot.limits.effort[:2].tolist() == [12.0, 16.0]
+    assert [drive.friction for drive in wheels.drives] == [0.4, 0.4]
+    assert wheels.followers == {
+        SKID_WHEELS[1]: (SKID_WHEELS[0], 1.0, 0.0), SKID_WHEELS[3]: (SKID_WHEELS[2], -1.0, 0.0),
+    }  # fmt: skip
+    # Torques of the drives at their limits are those of all wheels, of equal power.
+    torques = wheels.distribution @ [12.0, -16.0]
+    np.testing.assert_allclose(torques, [8.0, 4.0, -8.0, 8.0])
+    np.testing.assert_allclose(
+        wheels.matrix.T @ torques, wheels.drive_matrix.T @ [12.0, -16.0], rtol=1e-12
+    )
+
+
+def test_skid_steer_without_limits_shares_are_equal() -> None:
+    wheels = cart(SKID.replace('effort="4.0"', 'effort="0"'), SKID_WHEELS).wheels
+    assert wheels is not None
+    assert wheels.drives[0].effort == math.inf
+    np.testing.assert_allclose(wheels.distribution[:2, 0], 0.5)
+
+
+def test_skid_steer_inertia_and_bias_equal_pinocchio() -> None:
+    """Mass matrix and bias are those of the floating tree with all wheels, with v = P nu."""
+    pin = pytest.importorskip('pinocchio')
+    factor = 1.7
+    robot = cart(SKID, SKID_WHEELS, track_factor=factor)
+    model = pin.buildModelFromXML(SKID, pin.JointModelFreeFlyer())
+    data, parameters = model.createData(), robot.inertial_parameters.ravel()
+    # Velocities of the root link, which is behind the middle of the wheels, and of all joints.
+    to_all = np.zeros((model.nv, 4))
+    to_all[0, 0], to_all[1, 1], to_all[5, 1] = 1.0, -AHEAD, 1.0
+    for name in SKID_WHEELS:
+        side = 1.0 if 'right' in name else -1.0
+        axis = -1.0 if name == SKID_WHEELS[2] else 1.0
+        row = axis * np.array([1.0, side * factor * HALF]) / RADIUS
+        to_all[model.joints[model.getJointId(name)].idx_v, :2] = row
+    for k, name in enumerate(('upper_joint', 'hand_joint'), 2):
+        to_all[model.joints[model.getJointId(name)].idx_v, k] = 1.0
+    armature = np.zeros(model.nv)
+    armature[6:] = 0.01
+    draw = np.random.default_rng(1)
+    for _ in range(100):
+        angles, velocity = draw.uniform(-2.0, 2.0, 2), draw.normal(size=4)
+        q = pin.neutral(model)
+        for name, angle in zip(('upper_joint', 'hand_joint'), angles, strict=True):
+            q[model.joints[model.getJointId(name)].idx_q] = angle
+        full = pin.crba(model, data, q) + np.diag(armature)
+        full = np.triu(full) + np.triu(full, 1).T
+        tree = model_of(robot)
+        place = kinematics.place(tree, 0.0, 0.0, 0.0, angles, 0)
+        expected = to_all.T @ full @ to_all
+        np.testing.assert_allclose(
+            dynamics.inertia(tree, place, parameters), expected, rtol=0.0, atol=1e-12 * 60.0
+        )
+        # The map is constant, so that the bias has no term of its derivative.
+        bias = to_all.T @ pin.nonLinearEffects(model, data, q, to_all @ velocity)
+        still = np.zeros(4)
+        own = dynamics.inverse_dynamics(
+            tree, place, parameters, velocity, velocity, still, dynamics.GRAVITY
+        )
+        np.testing.assert_allclose(own, bias, rtol=0.0, atol=1e-12 * (1.0 + np.abs(bias).max()))
+
+
+def test_defaults_skid_steer_base_with_all_wheels() -> None:
+    defaults = urdf_defaults(SKID, {})
+    values = {choice.parameter: choice.value for choice in defaults.choices}
+    assert values['robot.base'] == 'differential'
+    assert set(values['robot.wheels'][:2]) == set(SKID_WHEELS[:2])
+    assert set(values['robot.wheels'][2:]) == set(SKID_WHEELS[2:])
+    assert len(values['plant.initial_joints']) == 4
+    reason = next(c.reason for c in defaults.choices if c.parameter == 'robot.base')
+    assert 'skid-steer' in reason
+    assert 'robot.track_factor' in reason
+
+
+def steered(name: str, x: float, side: int) -> str:
+    """Return a wheel on a steering joint."""
+    fork = _BODY.format(f'{name}_fork', '0 0 0', 1.0, 0.004, 0.006)
+    turn = _JOINT.format(
+        f'{name}_fork', 'revolute', 'base', f'{x} {side * HALF} {RADIUS}', '0 0 1', _RANGE
+    )
+    rolling = _JOINT.format(name, 'continuous', f'{name}_fork', '0 0 0', '0 1 0', '')
+    return fork + turn + _BODY.format(name, '0 0 0', 1.5, 0.004, 0.006) + rolling
+
+
+FRONT = steered('front_right_wheel', 0.5, -1), steered('front_left_wheel', 0.5, 1)
+REAR = wheel('right_wheel', 0.0, -1), wheel('left_wheel', 0.0, 1)
+
+
+@pytest.mark.parametrize('rear', [(), REAR])
+def test_steered_wheels_rejected_by_name_with_reason(rear: tuple[str, ...]) -> None:
+    """Also if the steering joints are held, and with a rear axle, as of a car."""
+    text, wheels = robot_text(*FRONT, *rear), ('front_right_wheel_joint', 'front_left_wheel_joint')
+    with pytest.raises(InputError) as raised:
+        cart(text, wheels, joints=('upper_joint', 'hand_joint'))
+    message = str(raised.value)
+    assert "that joint 'front_right_wheel_fork_joint' steers (swerve or Ackermann)" in message
+    assert 'robot.base omnidirectional without robot.wheels' in message
+    defaults = urdf_defaults(text, {})
+    assert 'robot.base' not in {choice.parameter for choice in defaults.choices}
+    assert 'its wheels are steered (swerve or Ackermann)' in defaults.notes[0]
