@@ -9,19 +9,26 @@ import math
 from typing import Any
 
 from helpers.tree_bits import model_of
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from masmc_ros.errors import InputError
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.robot.tree import dynamics, kinematics
 from masmc_ros.robot.tree.assembly import AXLE, tree_robot, TreeRobot
 from masmc_ros.robot.tree.identified import values_of
 from masmc_ros.robot.tree.tree_mechanism import tree_mechanism
+from masmc_ros.robot.tree.tree_model import OMNIDIRECTIONAL
 from masmc_ros.robot.tree.urdf_defaults import urdf_defaults
-from masmc_ros.robot.urdf import read_urdf
+from masmc_ros.robot.tree.wheels import driving_wheels, Mount
+from masmc_ros.robot.urdf import Joint, Pose, read_urdf
 import numpy as np
 from numpy.typing import NDArray
 import pytest
 
 Array = NDArray[np.float64]
+
+FEW = settings(max_examples=40, deadline=None)
+SEED = st.integers(0, 2**32 - 1)
 
 _BODY = """<link name="{0}"><inertial><origin xyz="{1}"/><mass value="{2}"/>
 <inertia ixx="{3}" ixy="0" ixz="0" iyy="{4}" iyz="0" izz="{3}"/></inertial></link>"""
@@ -151,7 +158,7 @@ def test_skid_steer_rates_limits_and_shares() -> None:
         SKID_WHEELS[1]: (SKID_WHEELS[0], 1.0, 0.0), SKID_WHEELS[3]: (SKID_WHEELS[2], -1.0, 0.0),
     }  # fmt: skip
     # Torques of the drives at their limits are those of all wheels, of equal power.
-    torques = wheels.distribution @ [12.0, -16.0]
+    torques = wheels.wheel_torques(np.array([[12.0, -16.0]]))[0]
     np.testing.assert_allclose(torques, [8.0, 4.0, -8.0, 8.0])
     np.testing.assert_allclose(
         wheels.matrix.T @ torques, wheels.drive_matrix.T @ [12.0, -16.0], rtol=1e-12
@@ -162,49 +169,116 @@ def test_skid_steer_without_limits_shares_are_equal() -> None:
     wheels = cart(SKID.replace('effort="4.0"', 'effort="0"'), SKID_WHEELS).wheels
     assert wheels is not None
     assert wheels.drives[0].effort == math.inf
-    np.testing.assert_allclose(wheels.distribution[:2, 0], 0.5)
+    np.testing.assert_allclose(wheels.wheel_torques(np.ones((1, 2)))[0, :2], 0.5)
 
 
-def test_skid_steer_inertia_and_bias_equal_pinocchio() -> None:
-    """Mass matrix and bias are those of the floating tree with all wheels, with v = P nu."""
+def check_against_pinocchio(text: str, robot: TreeRobot, base: Array, rows: Array) -> None:
+    """
+    Compare mass matrix and bias with those of the floating tree with all wheels, for v = P nu.
+
+    The base's rates move the root link by `base` (6, rates) and the wheels by `rows` (N, rates).
+    """
     pin = pytest.importorskip('pinocchio')
-    factor = 1.7
-    robot = cart(SKID, SKID_WHEELS, track_factor=factor)
-    model = pin.buildModelFromXML(SKID, pin.JointModelFreeFlyer())
+    assert robot.wheels is not None
+    model = pin.buildModelFromXML(text, pin.JointModelFreeFlyer())
     data, parameters = model.createData(), robot.inertial_parameters.ravel()
-    # Velocities of the root link, which is behind the middle of the wheels, and of all joints.
-    to_all = np.zeros((model.nv, 4))
-    to_all[0, 0], to_all[1, 1], to_all[5, 1] = 1.0, -AHEAD, 1.0
-    for name in SKID_WHEELS:
-        side = 1.0 if 'right' in name else -1.0
-        axis = -1.0 if name == SKID_WHEELS[2] else 1.0
-        row = axis * np.array([1.0, side * factor * HALF]) / RADIUS
-        to_all[model.joints[model.getJointId(name)].idx_v, :2] = row
-    for k, name in enumerate(('upper_joint', 'hand_joint'), 2):
+    rates, arm = rows.shape[1], ('upper_joint', 'hand_joint')
+    to_all = np.zeros((model.nv, rates + 2))
+    to_all[:6, :rates] = base
+    for wheel_, row in zip(robot.wheels.joints, rows, strict=True):
+        to_all[model.joints[model.getJointId(wheel_.name)].idx_v, :rates] = row
+    for k, name in enumerate(arm, rates):
         to_all[model.joints[model.getJointId(name)].idx_v, k] = 1.0
-    armature = np.zeros(model.nv)
-    armature[6:] = 0.01
-    draw = np.random.default_rng(1)
+    armature = np.diag([0.0] * 6 + [0.01] * (model.nv - 6))
+    draw, tree = np.random.default_rng(1), model_of(robot)
     for _ in range(100):
-        angles, velocity = draw.uniform(-2.0, 2.0, 2), draw.normal(size=4)
+        angles, velocity = draw.uniform(-2.0, 2.0, 2), draw.normal(size=rates + 2)
         q = pin.neutral(model)
-        for name, angle in zip(('upper_joint', 'hand_joint'), angles, strict=True):
+        for name, angle in zip(arm, angles, strict=True):
             q[model.joints[model.getJointId(name)].idx_q] = angle
-        full = pin.crba(model, data, q) + np.diag(armature)
-        full = np.triu(full) + np.triu(full, 1).T
-        tree = model_of(robot)
+        full = pin.crba(model, data, q)
+        full = np.triu(full) + np.triu(full, 1).T + armature
         place = kinematics.place(tree, 0.0, 0.0, 0.0, angles, 0)
         expected = to_all.T @ full @ to_all
-        np.testing.assert_allclose(
-            dynamics.inertia(tree, place, parameters), expected, rtol=0.0, atol=1e-12 * 60.0
-        )
-        # The map is constant, so that the bias has no term of its derivative.
+        close(dynamics.inertia(tree, place, parameters), expected)
+        # The map is constant, so the bias has no term of its derivative.
         bias = to_all.T @ pin.nonLinearEffects(model, data, q, to_all @ velocity)
-        still = np.zeros(4)
-        own = dynamics.inverse_dynamics(
-            tree, place, parameters, velocity, velocity, still, dynamics.GRAVITY
+        still = np.zeros(rates + 2)
+        close(
+            dynamics.inverse_dynamics(
+                tree, place, parameters, velocity, velocity, still, dynamics.GRAVITY
+            ),
+            bias,
         )
-        np.testing.assert_allclose(own, bias, rtol=0.0, atol=1e-12 * (1.0 + np.abs(bias).max()))
+
+
+def close(actual: Array, expected: Array) -> None:
+    assert np.abs(actual - expected).max() <= 1e-12 * (1.0 + np.abs(expected).max())
+
+
+def test_skid_steer_dynamics_equal_pinocchio() -> None:
+    factor = 1.7
+    robot = cart(SKID, SKID_WHEELS, track_factor=factor)
+    base = np.zeros((6, 2))
+    # The root link is behind the middle of the wheels.
+    base[0, 0], base[1, 1], base[5, 1] = 1.0, -AHEAD, 1.0
+    turn = factor * HALF
+    rows = np.array([[1.0, turn], [1.0, turn], [-1.0, turn], [1.0, -turn]]) / RADIUS
+    check_against_pinocchio(SKID, robot, base, rows)
+
+
+MECANUM_ANGLES = tuple(math.pi / 4.0 * sign for sign in (1, -1, -1, 1))
+
+
+def test_mecanum_dynamics_equal_pinocchio() -> None:
+    """The four wheels push the base; their rates are those of the literature."""
+    robot = cart(
+        SKID, SKID_WHEELS, base='omnidirectional', roller_angles=MECANUM_ANGLES
+    )
+    base = np.zeros((6, 3))
+    base[0, 0] = base[1, 1] = base[5, 2] = 1.0
+    # Places and axes of the wheels: front right, rear right, front left (axle to the right),
+    # rear left; the rolling rate is (u - y w) + tan(angle) (v + x w), over the radius.
+    rows = np.array([
+        [axis, axis * tangent, axis * (tangent * x - y)]
+        for (x, y, axis), tangent in zip(
+            [(0.4, -0.3, 1), (-0.1, -0.3, 1), (0.4, 0.3, -1), (-0.1, 0.3, 1)],
+            np.tan(MECANUM_ANGLES), strict=True,
+        )
+    ]) / RADIUS  # fmt: skip
+    check_against_pinocchio(SKID, robot, base, rows)
+
+
+@FEW
+@given(st.integers(4, 7), SEED, st.floats(0.0, 1.2))
+def test_wheel_torques_inside_limits_have_the_forces(count: int, seed: int, size: float) -> None:
+    """If any torques inside of the limits have the forces, the result is inside and has them."""
+    draw = np.random.default_rng(seed)
+    angles = 2.0 * math.pi * (np.arange(count) + draw.uniform(0.0, 0.5)) / count
+    limits = draw.uniform(1.0, 6.0, count)
+    mounts = [
+        Mount(
+            Joint(f'w{i}', 7, 'continuous', 'base', 'w', Pose(), (0.0, 0.0, 1.0), effort=limit),
+            (0.3 * math.cos(angle), 0.3 * math.sin(angle), RADIUS),
+            (math.cos(angle), math.sin(angle), 0.0), 0.0,
+        )
+        for i, (angle, limit) in enumerate(zip(angles, limits, strict=True))
+    ]  # fmt: skip
+    wheels = driving_wheels(OMNIDIRECTIONAL, mounts, 'x')
+    possible = size * draw.uniform(-1.0, 1.0, (20, count)) * limits
+    torques = wheels.wheel_torques(possible @ wheels.matrix)
+    assert (np.abs(torques) <= limits).all()
+    if size <= 0.9:
+        np.testing.assert_allclose(
+            torques @ wheels.matrix, possible @ wheels.matrix, atol=1e-6
+        )
+    # One row has the same bits as many.
+    np.testing.assert_array_equal(
+        wheels.wheel_torques(possible[3:4] @ wheels.matrix)[0],
+        wheels.wheel_torques(np.repeat(possible[3:4] @ wheels.matrix, 5, axis=0))[4],
+    )
+    box = np.array(wheels.base_limits[1]) * draw.choice([-1.0, 1.0], (20, 3))
+    np.testing.assert_allclose(wheels.wheel_torques(box) @ wheels.matrix, box, atol=1e-9)
 
 
 def test_defaults_skid_steer_base_with_all_wheels() -> None:
@@ -216,7 +290,8 @@ def test_defaults_skid_steer_base_with_all_wheels() -> None:
     assert len(values['plant.initial_joints']) == 4
     reason = next(c.reason for c in defaults.choices if c.parameter == 'robot.base')
     assert 'skid-steer' in reason
-    assert 'robot.track_factor' in reason
+    reason = next(c.reason for c in defaults.choices if c.parameter == 'robot.wheels')
+    assert 'track is 1.5 times the distance of the sides (robot.track_factor)' in reason
 
 
 def steered(name: str, x: float, side: int) -> str:

@@ -170,10 +170,13 @@ def test_defaults_frame_between_the_wheels_is_base_frame() -> None:
 
 @pytest.mark.parametrize(
     ('name', 'base', 'wheels'),
-    [('mecanum_wheel', 'omnidirectional', None), ('wheel', 'differential', (1, 3, 0, 2))],
+    [
+        ('mecanum_wheel', 'omnidirectional', (0, 1, 2, 3)),
+        ('wheel', 'differential', (1, 3, 0, 2)),
+    ],
 )
 def test_defaults_four_wheels_mecanum_or_skid_steer(
-    name: str, base: str, wheels: tuple[int, ...] | None
+    name: str, base: str, wheels: tuple[int, ...]
 ) -> None:
     parts = [
         wheel(f'{name}_{i}', x, y)
@@ -181,9 +184,11 @@ def test_defaults_four_wheels_mecanum_or_skid_steer(
     ]
     values, defaults = chosen(robot(arm(), *parts))
     assert values['robot.base'] == base
-    expected = None if wheels is None else tuple(f'{name}_{i}' for i in wheels)
-    assert values.get('robot.wheels') == expected
+    assert values['robot.wheels'] == tuple(f'{name}_{i}' for i in wheels)
     assert not defaults.notes
+    # The usual rollers, also if the base is stated.
+    angles = chosen(robot(arm(), *parts), base='omnidirectional')[0]['robot.roller_angles']
+    np.testing.assert_allclose(angles, math.pi / 4.0 * np.array([-1, 1, 1, -1]))
 
 
 def test_defaults_three_wheels_omnidirectional_base() -> None:

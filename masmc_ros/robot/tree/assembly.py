@@ -175,11 +175,22 @@ class TreeRobot:
 
     @property
     def limits(self) -> Limits:
-        """Limits of the wheels or sides in their order, then of the controlled joints."""
-        moving = (*(self.wheels.drives if self.wheels else ()), *self.joints)
-        return Limits(
+        """
+        Limits of the wheels or sides in their order, then of the controlled joints.
+
+        If the wheels push the base, they are those of its rates and forces.
+        """
+        wheels = self.wheels
+        moving = (*(wheels.drives if wheels else ()), *self.joints)
+        limits = Limits(
             *(np.array([getattr(joint, name) for joint in moving]) for name in Limits._fields)
         )
+        if wheels is None or not wheels.push_base:
+            return limits
+        speeds, forces = wheels.base_limits
+        ends = np.full(len(speeds), math.inf)
+        own = -ends, ends, speeds, forces
+        return Limits(*map(np.concatenate, zip(own, limits, strict=True)))
 
 
 @dataclass

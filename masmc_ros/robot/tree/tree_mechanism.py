@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 import copyreg
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from itertools import count
 from types import SimpleNamespace
 from typing import Any
 import xml.etree.ElementTree as ElementTree
@@ -81,7 +82,7 @@ PARAMETERS = (
     Parameter('robot.base_frame', '', 'Link of the base frame; empty: the root link'),
     Parameter(
         'robot.wheels', (), 'Joints of the wheels: right and left, all of a skid-steer base, or '
-        'three of an omnidirectional one',
+        'three or more of an omnidirectional one',
     ),
     Parameter(
         'robot.wheel_radius', 0.0, 'Radius of the wheels; 0: their height above the ground',
@@ -267,10 +268,11 @@ class TreeMechanism(Mechanism):
         robot, arm = self.robot, start[-len(self.robot.joints):]
         controlled = {joint.name for joint in self.joints}
         followers = {} if robot.wheels is None else robot.wheels.followers
+        wheels = set() if robot.wheels is None else {joint.name for joint in robot.wheels.joints}
         others = [
             joint
             for joint in self.description.joints.values()
-            if joint.kind != 'fixed' and joint.name not in {*controlled, *followers}
+            if joint.kind != 'fixed' and joint.name not in controlled | wheels
         ]
         held = [
             {
@@ -395,6 +397,9 @@ class TreeMechanism(Mechanism):
         """Poses of the frames, and the positions that move them."""
         places = {joint.name: len(self.base) + i for i, joint in enumerate(self.joints)}
         wheels = self.robot.wheels
+        if wheels is not None and wheels.push_base:
+            names = [joint.name for joint in wheels.joints]
+            places |= dict(zip(names, count(len(self.base) + len(self.joints)), strict=False))
         mimics = {**self.robot.mimics, **(wheels.followers if wheels else {})}
         below = {joint.child: joint for joint in self.description.joints.values()}
         origin = np.zeros((len(self.frames), 7))
@@ -427,6 +432,11 @@ class TreeMechanism(Mechanism):
         return self._frames.origin[:, :3]
 
     def _frame_transforms(self, origins: Array, position: Array) -> Array:
+        wheels = self.robot.wheels
+        if wheels is not None and wheels.push_base:
+            first, size = len(self.base), self.robot.tree.base
+            turned = wheels.rates_of(position[:, first:first + size])
+            position = np.hstack([position, turned])
         frame_poses: Array = transforms(self._frames, position)
         return frame_poses
 
@@ -566,7 +576,6 @@ def _made(urdf: str, own: tuple[Value, ...], version: tuple[int, ...]) -> TreeMe
     held = dict(zip(names, angles.tolist(), strict=True))
     if len(held) < len(names):
         raise InputError(f'robot.held_joints {list(names)}: expected different names')
-    _check_number(wheels, values)
     rollers = _as_many(values['robot.roller_angles'], len(wheels), 'robot.roller_angles')
     robot = tree_robot(
         description,
@@ -707,20 +716,6 @@ def _check_masses(robot: TreeRobot, where: str) -> None:
         )
 
 
-def _check_number(wheels: Sequence[str], values: Values) -> None:
-    """Raise InputError for more wheels than the base has velocities."""
-    rates = BASES[values['robot.base']]
-    if values['robot.base'] == 'omnidirectional' and len(wheels) > rates:
-        arm = '' if values['robot.joints'] else (
-            '; name the joints of the arm in robot.joints, or else the wheels are joints of it too'
-        )  # fmt: skip
-        raise InputError(
-            f'robot.wheels: {len(wheels)} for {rates} velocities of the base, which is not'
-            ' supported; leave robot.wheels out and set robot.base to omnidirectional, which is'
-            f' driven directly by two forces and a torque{arm}'
-        )
-
-
 def _check_reserved(description: Description, where: str) -> None:
     """Raise InputError for movable joints with the names of the coordinates of a base."""
     reserved = {joint.name for joint in (*_POSE, *_DRIVES['omnidirectional'])}
@@ -797,6 +792,8 @@ def _friction(robot: TreeRobot, values: Values, joints: int) -> Array:
     coefficients = np.zeros((2, joints))
     if kind == 'urdf':
         own = (*(robot.wheels.drives if robot.wheels else ()), *robot.joints)
+        if robot.wheels is not None and robot.wheels.push_base:
+            coefficients[:, :robot.tree.base] = robot.wheels.base_friction
         coefficients[0, joints - len(own):] = [joint.damping for joint in own]
         coefficients[1, joints - len(own):] = [joint.friction for joint in own]
     else:

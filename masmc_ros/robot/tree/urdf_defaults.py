@@ -77,6 +77,9 @@ _STEPS = 10
 _SYMMETRIC = 2.0e-3
 """Tolerance in m and rad for wheels of one axle."""
 
+_PARALLEL = 0.999
+"""Smallest part along y of axles that are parallel to it."""
+
 _WHEEL = ('wheel',)
 _CASTOR = ('caster', 'castor')
 _ANY_WAY = ('mecanum', 'omni')
@@ -455,12 +458,21 @@ def _base(
     names = [joint.name for joint in wheels]
     base = values.get('robot.base')
     kind, reason, of_wheels, error = '', '', '', ''
+    rollers: tuple[float, ...] = values.get('robot.roller_angles', ())
     rolls_any_way = any(_is_named(tree, joint, _ANY_WAY) for joint in wheels)
     if len(wheels) == 2 and base in (None, 'differential'):
         kind, reason = 'differential', 'two wheels on one axle, the right one first'
     elif len(wheels) == 3 and base in (None, 'omnidirectional'):
         kind = 'omnidirectional'
         reason = 'three wheels; their rollers are assumed perpendicular (robot.roller_angles)'
+    elif len(wheels) == 4 and (base == 'omnidirectional' or (base is None and rolls_any_way)):
+        kind = 'omnidirectional'
+        reason = 'four mecanum wheels, which move the base in every direction'
+        rollers = values.get('robot.roller_angles') or _mecanum_angles(tree, wheels)
+        of_wheels = (
+            'the wheels push the base: forward, sideways and turn have a force or torque each,'
+            ' which is distributed to the wheels'
+        )
     elif len(wheels) > 3 and base in (None, 'differential') and not rolls_any_way:
         kind = 'differential'
         factor = values.get('robot.track_factor', TRACK_FACTOR)
@@ -483,16 +495,14 @@ def _base(
         for radius in _radii(tree, values, tree.joints[order[0]]):
             options.append({
                 'robot.base': kind, 'robot.base_frame': frame, 'robot.wheels': tuple(order),
-                'robot.wheel_radius': radius,
+                'robot.wheel_radius': radius, 'robot.roller_angles': rollers or (0.0,),
             })  # fmt: skip
     usable: tuple[MutableValues, TreeRobot] | None = None
     for option in options:
         try:
             # One joint is enough; the others, of a suspension for example, are held.
             first = tuple(joint.name for joint in parts.arm[:1])
-            rollers = values.get('robot.roller_angles', (0.0,))
-            own = {'robot.joints': first, 'robot.roller_angles': rollers}
-            robot = _robot(tree.description, where, {**option, **own})
+            robot = _robot(tree.description, where, {**option, 'robot.joints': first})
         except InputError as problem:
             error = error or str(problem)
             continue
@@ -507,8 +517,13 @@ def _base(
             'robot.base_frame': f'{listed(names)} are symmetric to this frame',
             'robot.wheels': of_wheels or reason,
             'robot.wheel_radius': "the radius of the wheel's shape",
+            'robot.roller_angles': (
+                'assumed, because no URDF has them: the upper rollers form an X, seen from above'
+            ),
         }
-        usual = {'robot.base_frame': '', 'robot.wheel_radius': 0.0}
+        usual = {
+            'robot.base_frame': '', 'robot.wheel_radius': 0.0, 'robot.roller_angles': (0.0,),
+        }  # fmt: skip
         choices = [
             Choice(name, value, texts[name])
             for name, value in option.items()
@@ -517,11 +532,12 @@ def _base(
         for choice in choices:
             values.setdefault(choice.parameter, choice.value)
         return choices, notes
-    if len(wheels) > 3 and base is None and rolls_any_way:
+    if base is None and rolls_any_way:
         values['robot.base'] = 'omnidirectional'
         reason = (
             f'{len(wheels)} wheels whose names say that they drive it in every direction; it is'
-            ' driven directly, because the angles of the rollers are in no URDF'
+            ' driven directly, because the angles of the rollers are in no URDF (robot.wheels and'
+            ' robot.roller_angles)'
         )
         return [Choice('robot.base', 'omnidirectional', reason)], notes
     if base is None:
@@ -531,6 +547,16 @@ def _base(
             ' robot.base omnidirectional drives the base directly'
         ]
     return [], notes
+
+
+def _mecanum_angles(tree: _Tree, wheels: Sequence[Joint]) -> tuple[float, ...]:
+    """Return the usual roller angles of four wheels at the corners; 0 for axles that differ."""
+    if any(abs(tree.axis(joint)[1]) < _PARALLEL for joint in wheels):
+        return ()
+    centres = np.array([tree.poses[joint.child][1] for joint in wheels])
+    ahead, left = (centres - centres.mean(axis=0))[:, :2].T
+    angles: list[float] = (-0.25 * math.pi * np.sign(ahead * left)).tolist()
+    return tuple(angles)
 
 
 def _frames_of_base(tree: _Tree, values: Values) -> list[str]:
@@ -709,9 +735,7 @@ def _task_and_start(
         posture = tuple(start.tolist())
         choices.append(Choice('robot.posture', posture, 'the start'))
     choices.append(Choice(DURATION, _DURATION, 'length of the run in s'))
-    drives = 0 if robot.tree.base == 0 else robot.tree.base
-    if robot.wheels is not None:
-        drives = len(robot.wheels.drives)
+    drives = robot.tree.base
     choices.append(Choice(START, (*(0.0,) * drives, *start.tolist()), why))
     return choices + _path(robot, task, every, start)
 

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 import math
 from typing import NamedTuple
 
@@ -38,6 +39,9 @@ from numpy.typing import NDArray
 
 _TOLERANCE = 1.0e-3
 """Tolerance of wheels: sine of an angle, or distance in m."""
+
+_PROJECTIONS, _EXCESS = 200, 1.0e-9
+"""Largest number of projections for torques inside of limits, and their tolerance in N·m."""
 
 _WAYS = ('ahead', 'sideways', 'around')
 
@@ -91,18 +95,124 @@ class Wheels:
     sides: tuple[tuple[int, ...], ...] = ()
 
     @property
+    def push_base(self) -> bool:
+        """True for an omnidirectional base with more wheels than rates: its rates are driven."""
+        return not self.sides and len(self.joints) > self.matrix.shape[1]
+
+    @property
     def drives(self) -> tuple[Joint, ...]:
         """
         Joints of the wheels as drives: each one, or the first of each side for all of its side.
 
-        The limits of effort and the friction of a side are sums, its speed is the smallest.
+        The limits of effort and the friction of a side are sums, its speed is the smallest. There
+        are none if the wheels `push_base`.
         """
+        if self.push_base:
+            return ()
         return tuple(self._side(side) for side in self.sides) or self.joints
 
     @property
     def drive_matrix(self) -> NDArray[np.float64]:
         """Rates of the drives per base rate, in rad/m and 1."""
+        if self.push_base:
+            return np.eye(self.matrix.shape[1])
         return self.matrix[[side[0] for side in self.sides]] if self.sides else self.matrix
+
+    @property
+    def base_limits(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """
+        Largest speeds and forces (rates) of the base whose combinations all wheels allow.
+
+        Each is the share 1 / rates of the one that the wheels allow alone.
+        """
+        rates = self.matrix.shape[1]
+        speeds, efforts = (
+            np.array([value or math.inf for value in (getattr(j, name) for j in self.joints)])
+            for name in ('speed', 'effort')
+        )
+        speed, force = (
+            (limits[:, None] / (rates * np.maximum(np.abs(parts), _TOLERANCE**3))).min(axis=0)
+            for limits, parts in ((speeds, self.matrix), (efforts, self._weighted))
+        )
+        return speed, force
+
+    @property
+    def base_friction(self) -> NDArray[np.float64]:
+        """Viscous and Coulomb friction (2, rates) of the wheels in each rate of the base alone."""
+        damping = np.array([joint.damping for joint in self.joints])
+        friction = np.array([joint.friction for joint in self.joints])
+        size = np.abs(self.matrix)
+        return np.array([(size**2 * damping[:, None]).sum(0), (size * friction[:, None]).sum(0)])
+
+    @cached_property
+    def _weighted(self) -> NDArray[np.float64]:
+        """
+        Torques (N, rates) per force on the base, W G (G' W G)^-1 with W = limits^2.
+
+        They have the smallest sum of squares of torques relative to the limits.
+        """
+        efforts = np.array([joint.effort for joint in self.joints])
+        if not self._has_limits(range(len(efforts))):
+            efforts = np.ones(len(efforts))
+        weighted = efforts[:, None] * self.matrix
+        return efforts[:, None] * _inverse(weighted, 'robot.wheels').T
+
+    def rates_of(self, motion: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the rates (n, N) of all wheels for rates (n, rates) of the base."""
+        return _products(self.matrix, motion)
+
+    def wheel_torques(self, forces: NDArray[np.float64]) -> NDArray[np.float64]:
+        """
+        Return the torques of all wheels for those of the drives, or for forces on the base.
+
+        Those of an omnidirectional base have the smallest sum of squares relative to the limits.
+        If one of them exceeds its limit, the torques without a force on the base shift them: of
+        four wheels to the nearest torques inside of the limits. With more wheels, projections
+        onto the limits and onto the torques with these forces alternate (in that norm), which
+        converges if torques inside of the limits have these forces. The result never exceeds the
+        limits.
+
+        Parameters
+        ----------
+        forces
+            (n, drives) in N·m, or (n, rates) in N and N·m.
+
+        Returns
+        -------
+            (n, N) in N·m.
+
+        """
+        if not self.push_base:
+            return _products(self._shares, forces)
+        limits = np.array([joint.effort or math.inf for joint in self.joints])
+        torques = _products(self._weighted, forces)
+        if len(limits) == self.matrix.shape[1] + 1:
+            idle = self._idle
+            moving = idle != 0.0
+            ends = (limits * [[-1.0], [1.0]] - torques[:, None])[..., moving] / idle[moving]
+            lower, upper = ends.min(axis=1).max(axis=1), ends.max(axis=1).min(axis=1)
+            # Without torques inside of the limits, the middle has the smallest excess.
+            shift = np.where(lower <= upper, np.clip(0.0, lower, upper), 0.5 * (lower + upper))
+            torques = torques + np.nan_to_num(shift)[:, None] * idle
+            return np.clip(torques, -limits, limits)
+        inside = np.clip(torques, -limits, limits)
+        for _ in range(_PROJECTIONS):
+            beyond = np.flatnonzero((np.abs(torques - inside) > _EXCESS).any(axis=1))
+            if not len(beyond):
+                break
+            missing = forces[beyond] - _products(self.matrix.T, inside[beyond])
+            torques[beyond] = inside[beyond] + _products(self._weighted, missing)
+            inside[beyond] = np.clip(torques[beyond], -limits, limits)
+        return inside
+
+    @property
+    def _idle(self) -> NDArray[np.float64]:
+        """Torques of one wheel more than rates, three, that have no force: G' idle = 0."""
+        minors = [np.delete(self.matrix, wheel, axis=0) for wheel in range(len(self.joints))]
+        signs = np.array([1.0, -1.0, 1.0, -1.0])
+        idle = signs * [a @ np.cross(b, c) for a, b, c in minors]
+        largest: float = np.abs(idle).max()
+        return np.where(np.abs(idle) > _TOLERANCE**2 * largest, idle / largest, 0.0)
 
     @property
     def followers(self) -> dict[str, tuple[str, float, float]]:
@@ -114,7 +224,7 @@ class Wheels:
         }
 
     @property
-    def distribution(self) -> NDArray[np.float64]:
+    def _shares(self) -> NDArray[np.float64]:
         """
         Torques (N, drives) of the wheels per torque of the drives.
 
@@ -128,7 +238,7 @@ class Wheels:
             efforts = np.array([self.joints[wheel].effort for wheel in side])
             if not self._has_limits(side):
                 efforts = np.ones(len(side))
-            directions = [self._direction(wheel, side[0]) for wheel in side]
+            directions = np.array([self._direction(wheel, side[0]) for wheel in side])
             torques[list(side), drive] = directions * efforts / efforts.sum()
         return torques
 
@@ -340,6 +450,11 @@ def _row(mount: Mount, slope: float, radius: float) -> tuple[float, float, float
     # The direction that does not slip: f + tan(angle) axle, with f = axle x up.
     ahead, left = along_y + slope * along_x, slope * along_y - along_x
     return ahead / radius, left / radius, (x * left - y * ahead) / radius
+
+
+def _products(matrix: NDArray[np.float64], rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return matrix (m, k) times each row (n, k), bitwise identical for one row and for many."""
+    return np.asarray((matrix * rows[:, None, :]).sum(axis=2))
 
 
 def _squares(matrix: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
