@@ -386,6 +386,15 @@ class Mechanism:
         lower, upper = self._limit('lower', -math.inf), self._limit('upper', math.inf)
         return tuple(zip(lower, upper, strict=True))
 
+    @property
+    def wheels(self) -> tuple[str, ...]:
+        """Return the names of the wheels, if they are more than the joints that drive the base."""
+        return ()
+
+    def wheel_torques(self, torques: Array) -> Array:
+        """Return the torques (n, wheels) of `wheels` for those (n, joints) of the joints."""
+        return torques[:, :0]
+
     def at_range_ends(self, position: Array) -> Flags:
         """
         Return True for the joints that stop at the ends of their ranges.

@@ -9,6 +9,19 @@ import math
 from typing import Any
 
 from helpers.tree_bits import model_of
+from helpers.wheeled_tree import (
+    AHEAD,
+    BODY,
+    HALF,
+    JOINT,
+    MECANUM_ANGLES,
+    RADIUS,
+    RANGE,
+    robot_text,
+    SKID,
+    wheel,
+    WHEELS,
+)
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from masmc_ros.errors import InputError
@@ -30,47 +43,7 @@ Array = NDArray[np.float64]
 FEW = settings(max_examples=40, deadline=None)
 SEED = st.integers(0, 2**32 - 1)
 
-_BODY = """<link name="{0}"><inertial><origin xyz="{1}"/><mass value="{2}"/>
-<inertia ixx="{3}" ixy="0" ixz="0" iyy="{4}" iyz="0" izz="{3}"/></inertial></link>"""
-_JOINT = """<joint name="{0}_joint" type="{1}"><parent link="{2}"/><child link="{0}"/>
-<origin xyz="{3}"/><axis xyz="{4}"/>{5}</joint>"""
-_RANGE = '<limit lower="-2" upper="2" effort="30" velocity="3"/>'
-
-HALF, RADIUS, AHEAD = 0.3, 0.1, 0.15
-
-
-def wheel(name: str, x: float, side: int, *, axis: int = 1, effort: float = 8.0) -> str:
-    """Return a wheel of the robot, on the right (-1) or left (1)."""
-    limit = f'<limit effort="{effort}" velocity="20"/><dynamics damping="0.1" friction="0.2"/>'
-    return _BODY.format(name, '0 0 0', 1.5, 0.004, 0.006) + _JOINT.format(
-        name, 'continuous', 'base', f'{x} {side * HALF} {RADIUS}', f'0 {axis} 0', limit
-    )
-
-
-def robot_text(*wheels: str) -> str:
-    """Return the URDF of a base with an arm of two joints on these wheels."""
-    parts = [
-        _BODY.format('base', '0.03 0.01 0.2', 20.0, 0.6, 0.8), *wheels,
-        _BODY.format('upper', '0.1 0.02 0', 2.0, 0.02, 0.03),
-        _BODY.format('hand', '0.1 0 0.05', 1.0, 0.01, 0.02),
-        _JOINT.format('upper', 'revolute', 'base', '0.2 0.1 0.4', '0 0 1', _RANGE),
-        _JOINT.format('hand', 'revolute', 'upper', '0.3 0 0', '0 1 0', _RANGE),
-    ]  # fmt: skip
-    return f'<robot name="cart">{"".join(parts)}</robot>'
-
-
 ON_AXLE = robot_text(wheel('right', AHEAD, -1), wheel('left', AHEAD, 1))
-SKID = robot_text(
-    wheel('front_left_wheel', AHEAD + 0.25, 1, axis=-1),
-    wheel('front_right_wheel', AHEAD + 0.25, -1),
-    wheel('rear_left_wheel', AHEAD - 0.25, 1),
-    wheel('rear_right_wheel', AHEAD - 0.25, -1, effort=4.0),
-)
-SKID_WHEELS = tuple(
-    f'{end}_{side}_wheel_joint' for side in ('right', 'left') for end in ('front', 'rear')
-)
-
-
 def cart(text: str, wheels: tuple[str, ...], **settings: Any) -> TreeRobot:
     """Return the robot on its wheels."""
     arguments = {'base': 'differential', 'wheels': wheels, 'armature': 0.01, **settings}
@@ -145,17 +118,17 @@ def test_differential_wheels_invalid_raise_one_line(
 
 
 def test_skid_steer_rates_limits_and_shares() -> None:
-    robot = cart(SKID, SKID_WHEELS, track_factor=1.8)
+    robot = cart(SKID, WHEELS, track_factor=1.8)
     wheels = robot.wheels
     assert wheels is not None
     ahead, turn = 1.0 / RADIUS, 1.8 * HALF / RADIUS
     expected = [[ahead, turn], [ahead, turn], [-ahead, turn], [ahead, -turn]]
     np.testing.assert_allclose(wheels.matrix, expected, rtol=1e-12)
-    assert [drive.name for drive in wheels.drives] == [SKID_WHEELS[0], SKID_WHEELS[2]]
+    assert [drive.name for drive in wheels.drives] == [WHEELS[0], WHEELS[2]]
     assert robot.limits.effort[:2].tolist() == [12.0, 16.0]
     assert [drive.friction for drive in wheels.drives] == [0.4, 0.4]
     assert wheels.followers == {
-        SKID_WHEELS[1]: (SKID_WHEELS[0], 1.0, 0.0), SKID_WHEELS[3]: (SKID_WHEELS[2], -1.0, 0.0),
+        WHEELS[1]: (WHEELS[0], 1.0, 0.0), WHEELS[3]: (WHEELS[2], -1.0, 0.0),
     }  # fmt: skip
     # Torques of the drives at their limits are those of all wheels, of equal power.
     torques = wheels.wheel_torques(np.array([[12.0, -16.0]]))[0]
@@ -166,7 +139,7 @@ def test_skid_steer_rates_limits_and_shares() -> None:
 
 
 def test_skid_steer_without_limits_shares_are_equal() -> None:
-    wheels = cart(SKID.replace('effort="4.0"', 'effort="0"'), SKID_WHEELS).wheels
+    wheels = cart(SKID.replace('effort="4.0"', 'effort="0"'), WHEELS).wheels
     assert wheels is not None
     assert wheels.drives[0].effort == math.inf
     np.testing.assert_allclose(wheels.wheel_torques(np.ones((1, 2)))[0, :2], 0.5)
@@ -218,7 +191,7 @@ def close(actual: Array, expected: Array) -> None:
 
 def test_skid_steer_dynamics_equal_pinocchio() -> None:
     factor = 1.7
-    robot = cart(SKID, SKID_WHEELS, track_factor=factor)
+    robot = cart(SKID, WHEELS, track_factor=factor)
     base = np.zeros((6, 2))
     # The root link is behind the middle of the wheels.
     base[0, 0], base[1, 1], base[5, 1] = 1.0, -AHEAD, 1.0
@@ -227,13 +200,10 @@ def test_skid_steer_dynamics_equal_pinocchio() -> None:
     check_against_pinocchio(SKID, robot, base, rows)
 
 
-MECANUM_ANGLES = tuple(math.pi / 4.0 * sign for sign in (1, -1, -1, 1))
-
-
 def test_mecanum_dynamics_equal_pinocchio() -> None:
     """The four wheels push the base; their rates are those of the literature."""
     robot = cart(
-        SKID, SKID_WHEELS, base='omnidirectional', roller_angles=MECANUM_ANGLES
+        SKID, WHEELS, base='omnidirectional', roller_angles=MECANUM_ANGLES
     )
     base = np.zeros((6, 3))
     base[0, 0] = base[1, 1] = base[5, 2] = 1.0
@@ -285,8 +255,8 @@ def test_defaults_skid_steer_base_with_all_wheels() -> None:
     defaults = urdf_defaults(SKID, {})
     values = {choice.parameter: choice.value for choice in defaults.choices}
     assert values['robot.base'] == 'differential'
-    assert set(values['robot.wheels'][:2]) == set(SKID_WHEELS[:2])
-    assert set(values['robot.wheels'][2:]) == set(SKID_WHEELS[2:])
+    assert set(values['robot.wheels'][:2]) == set(WHEELS[:2])
+    assert set(values['robot.wheels'][2:]) == set(WHEELS[2:])
     assert len(values['plant.initial_joints']) == 4
     reason = next(c.reason for c in defaults.choices if c.parameter == 'robot.base')
     assert 'skid-steer' in reason
@@ -296,12 +266,12 @@ def test_defaults_skid_steer_base_with_all_wheels() -> None:
 
 def steered(name: str, x: float, side: int) -> str:
     """Return a wheel on a steering joint."""
-    fork = _BODY.format(f'{name}_fork', '0 0 0', 1.0, 0.004, 0.006)
-    turn = _JOINT.format(
-        f'{name}_fork', 'revolute', 'base', f'{x} {side * HALF} {RADIUS}', '0 0 1', _RANGE
+    fork = BODY.format(f'{name}_fork', '0 0 0', 1.0, 0.004, 0.006)
+    turn = JOINT.format(
+        f'{name}_fork', 'revolute', 'base', f'{x} {side * HALF} {RADIUS}', '0 0 1', RANGE
     )
-    rolling = _JOINT.format(name, 'continuous', f'{name}_fork', '0 0 0', '0 1 0', '')
-    return fork + turn + _BODY.format(name, '0 0 0', 1.5, 0.004, 0.006) + rolling
+    rolling = JOINT.format(name, 'continuous', f'{name}_fork', '0 0 0', '0 1 0', '')
+    return fork + turn + BODY.format(name, '0 0 0', 1.5, 0.004, 0.006) + rolling
 
 
 FRONT = steered('front_right_wheel', 0.5, -1), steered('front_left_wheel', 0.5, 1)

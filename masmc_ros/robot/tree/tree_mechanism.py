@@ -245,6 +245,19 @@ class TreeMechanism(Mechanism):
             'speed': _speed_limits(self.robot, self.joints, self.speed_settings),
         }
 
+    @property
+    def wheels(self) -> tuple[str, ...]:
+        """Return the names of the wheels, if they are more than the joints that drive the base."""
+        wheels = self.robot.wheels
+        if wheels is None or len(wheels.joints) <= self.robot.tree.base:
+            return ()
+        return tuple(joint.name for joint in wheels.joints)
+
+    def wheel_torques(self, torques: Array) -> Array:
+        """Return the torques (n, wheels) of `wheels` for those (n, joints) of the joints."""
+        base, wheels = self.robot.tree.base, self.robot.wheels
+        return torques[:, :0] if wheels is None else wheels.wheel_torques(torques[:, :base])
+
     def at_range_ends(self, position: Array) -> Flags:
         """Return True (n, joints) for joints whose mobility is below `robot.least_pivot`."""
         limits, values = self.joint_limits, self.made_of
