@@ -20,10 +20,10 @@ from masmc_ros.messages.names import (
     DESIRED_PATH_TOPIC,
     PAYLOAD_TOPIC,
     REFERENCE_TOPIC,
+    SHARED_TOPIC,
     STATE_TOPIC,
     TELEMETRY,
     telemetry_topic,
-    WHEEL_TOPIC,
 )
 from masmc_ros.robot.mechanisms import DEFAULT
 
@@ -119,7 +119,7 @@ TOPICS = (
         'number marks a void command',
     ),
     Topic(
-        WHEEL_TOPIC,
+        SHARED_TOPIC,
         FLOAT_ARRAY,
         'controller →',
         'with more wheels than velocities of the base and `command_interface` effort: the torques '

@@ -387,12 +387,12 @@ class Mechanism:
         return tuple(zip(lower, upper, strict=True))
 
     @property
-    def wheels(self) -> tuple[str, ...]:
-        """Return the names of the wheels, if they are more than the joints that drive the base."""
+    def sharing_drives(self) -> tuple[str, ...]:
+        """Return the drives that share the torques of the base; none if the joints drive it."""
         return ()
 
-    def wheel_torques(self, torques: Array) -> Array:
-        """Return the torques (n, wheels) of `wheels` for those (n, joints) of the joints."""
+    def shared_torques(self, torques: Array) -> Array:
+        """Return the torques (n, drives) of `sharing_drives` for those (n, joints)."""
         return torques[:, :0]
 
     def at_range_ends(self, position: Array) -> Flags:

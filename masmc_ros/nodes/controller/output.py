@@ -17,8 +17,8 @@ from masmc_ros.messages.names import (
     ARM_VELOCITY_TOPIC,
     CMD_VEL_TOPIC,
     COMMAND_TOPIC,
+    SHARED_TOPIC,
     telemetry_topic,
-    WHEEL_TOPIC,
 )
 from masmc_ros.messages.platform_messages import TwistCdr, TwistStampedCdr
 from masmc_ros.messages.telemetry import TelemetryCdr
@@ -76,27 +76,27 @@ class TorqueOutput:
         self._effort = CommandWriter(kind, self._torque)
         self._void = CommandWriter(kind, np.zeros(len(joints)), is_void=True)
         self._sent = b''
-        self._wheels: _WheelOutput | None = None
-        if controller.mechanism.wheels:
-            self._wheels = _WheelOutput(controller)
+        self._shared: _SharedOutput | None = None
+        if controller.mechanism.sharing_drives:
+            self._shared = _SharedOutput(controller)
 
     def connect(self, advertise: Advertise) -> None:
         """Create the publisher."""
         self.publishers = [advertise(Float64MultiArray, COMMAND_TOPIC)]
-        if self._wheels is not None:
-            self._wheels.connect(advertise)
+        if self._shared is not None:
+            self._shared.connect(advertise)
 
     def send(self, stamp: int) -> None:
         """Send the torques as the response to the state of a stamp in ns."""
         self._send(self._effort.to_bytes(stamp))
-        if self._wheels is not None:
-            self._wheels.send(stamp)
+        if self._shared is not None:
+            self._shared.send(stamp)
 
     def send_void(self, stamp: int) -> None:
         """Send a void command as the response to a state; drives then hold zero velocity."""
         self._send(self._void.to_bytes(stamp))
-        if self._wheels is not None:
-            self._wheels.send_void(stamp)
+        if self._shared is not None:
+            self._shared.send_void(stamp)
 
     def repeat(self) -> None:
         """Send the last command again."""
@@ -111,21 +111,21 @@ class TorqueOutput:
         self.repeat()
 
 
-class _WheelOutput:
+class _SharedOutput:
     """Torques (N·m) of all wheels, which share the torques or forces of the base."""
 
     def __init__(self, controller: Controller) -> None:
         """Initialise with the controller, whose torque is distributed."""
         mechanism = controller.mechanism
-        self._torque, self._distributed = controller.torque, mechanism.wheel_torques
-        self._numbers = np.zeros(len(mechanism.wheels))
-        kind = EFFORT.named(mechanism.wheels)
+        self._torque, self._distributed = controller.torque, mechanism.shared_torques
+        self._numbers = np.zeros(len(mechanism.sharing_drives))
+        kind = EFFORT.named(mechanism.sharing_drives)
         self._writer = CommandWriter(kind, self._numbers)
         self._void = CommandWriter(kind, np.zeros(len(self._numbers)), is_void=True)
 
     def connect(self, advertise: Advertise) -> None:
         """Create the publisher."""
-        self._publisher = advertise(Float64MultiArray, WHEEL_TOPIC)
+        self._publisher = advertise(Float64MultiArray, SHARED_TOPIC)
 
     def send(self, stamp: int) -> None:
         """Send the torques as the response to the state of a stamp in ns."""

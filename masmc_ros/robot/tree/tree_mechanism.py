@@ -246,15 +246,15 @@ class TreeMechanism(Mechanism):
         }
 
     @property
-    def wheels(self) -> tuple[str, ...]:
-        """Return the names of the wheels, if they are more than the joints that drive the base."""
+    def sharing_drives(self) -> tuple[str, ...]:
+        """Return the drives that share the torques of the base; none if the joints drive it."""
         wheels = self.robot.wheels
         if wheels is None or len(wheels.joints) <= self.robot.tree.base:
             return ()
         return tuple(joint.name for joint in wheels.joints)
 
-    def wheel_torques(self, torques: Array) -> Array:
-        """Return the torques (n, wheels) of `wheels` for those (n, joints) of the joints."""
+    def shared_torques(self, torques: Array) -> Array:
+        """Return the torques (n, drives) of `sharing_drives` for those (n, joints)."""
         base, wheels = self.robot.tree.base, self.robot.wheels
         return torques[:, :0] if wheels is None else wheels.wheel_torques(torques[:, :base])
 

@@ -250,12 +250,15 @@ class Wheels:
 
     def _side(self, side: Sequence[int]) -> Joint:
         joints = [self.joints[wheel] for wheel in side]
+        effort, damping, friction = np.array([
+            (joint.effort, joint.damping, joint.friction) for joint in joints
+        ]).sum(axis=0).tolist()  # fmt: skip
         return replace(
             joints[0],
-            effort=sum(joint.effort for joint in joints) if self._has_limits(side) else math.inf,
+            effort=effort if self._has_limits(side) else math.inf,
             speed=min((joint.speed for joint in joints if joint.speed), default=math.inf),
-            damping=sum(joint.damping for joint in joints),
-            friction=sum(joint.friction for joint in joints),
+            damping=damping,
+            friction=friction,
         )
 
     def inertia(self, armature: float) -> NDArray[np.float64]:
