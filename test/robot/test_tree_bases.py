@@ -287,6 +287,9 @@ def test_steered_wheels_rejected_by_name_with_reason(rear: tuple[str, ...]) -> N
     message = str(raised.value)
     assert "that joint 'front_right_wheel_fork_joint' steers (swerve or Ackermann)" in message
     assert 'robot.base omnidirectional without robot.wheels' in message
+    # As youBot's file, in which a joint without a drive carries each wheel.
+    forks = {f'front_{side}_wheel_fork_joint': 0.0 for side in ('right', 'left')}
+    assert cart(text, wheels, held=forks).wheels is not None
     defaults = urdf_defaults(text, {})
     assert 'robot.base' not in {choice.parameter for choice in defaults.choices}
     assert 'its wheels are steered (swerve or Ackermann)' in defaults.notes[0]

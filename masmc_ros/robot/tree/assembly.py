@@ -290,7 +290,8 @@ def tree_robot(
     rotor = np.zeros((kind + len(order), kind + len(order)))
     rotor[range(kind, len(rotor)), range(kind, len(rotor))] = armature
     if wheels:
-        mounts = [_mount(description, where, frames, name) for name in wheels]
+        fixed = stated_positions or {}
+        mounts = [_mount(description, where, frames, name, fixed) for name in wheels]
         middle = middle_of(mounts, where) if kind == DIFFERENTIAL else (0.0, 0.0)
         if any(middle) and base_frame != AXLE:
             axle = description.joints.get(f'{AXLE}_joint') or Joint(
@@ -707,18 +708,23 @@ def _least(inertial_parameters: Moments) -> float:
 
 
 def _mount(
-    description: Description, where: str, frames: Mapping[str, Frame], name: str
+    description: Description,
+    where: str,
+    frames: Mapping[str, Frame],
+    name: str,
+    fixed: Mapping[str, float],
 ) -> Mount:
-    """Return the mounting of a wheel on the base."""
+    """Return the mounting of a wheel on the base; joints in `fixed` steer no wheel."""
     joint = description.joints[name]
     frame, axis = frames[joint.child], _vector(joint.axis)
     for is_wrong, what in (
         (joint.kind not in ('continuous', 'revolute'), f'is {joint.kind}: it is no wheel'),
         (bool(joint.mimics), f"moves with '{joint.mimics}': it is no wheel"),
         (
-            bool(steering := _steering(description, joint)),
+            bool(steering := _steering(description, joint, fixed)),
             f"is a wheel that joint '{steering}' steers (swerve or Ackermann), which is not"
-            f' supported: {STEERED}',
+            f' supported: {STEERED}; if the joint is fixed on the robot, robot.held_joints names'
+            ' it',
         ),
         (frame.body != 0, 'moves against the base: it is no wheel'),
     ):
@@ -728,8 +734,8 @@ def _mount(
     return Mount(joint, frame.offset, rotate(frame.rotation, axis), inertia)
 
 
-def _steering(description: Description, wheel: Joint) -> str:
-    """Return the name of the turning joint with a vertical axis that carries a wheel, or ''."""
+def _steering(description: Description, wheel: Joint, fixed: Mapping[str, float]) -> str:
+    """Return the name of a turning joint with a vertical axis that carries a wheel, or ''."""
     above = {joint.child: joint for joint in description.joints.values()}
     way, link = [], wheel.parent
     while link in above:
@@ -739,7 +745,8 @@ def _steering(description: Description, wheel: Joint) -> str:
     for joint in reversed(way):
         rotation = product(rotation, joint_pose(joint, 0.0)[0])
         axis = rotate(rotation, _vector(joint.axis))
-        if joint.kind in ('continuous', 'revolute') and abs(axis[2]) > _UPRIGHT:
+        turns = joint.kind in ('continuous', 'revolute') and joint.name not in fixed
+        if turns and abs(axis[2]) > _UPRIGHT:
             return joint.name
     return ''
 

@@ -48,6 +48,8 @@ from masmc_ros.robot.tree.tree_mechanism import described, mobility, PARAMETERS,
 from masmc_ros.robot.urdf import Description, Joint
 import numpy as np
 
+_HOLDING = 'robot.held_joints', 'robot.held_positions'
+
 START, DURATION = 'plant.initial_joints', 'duration'
 
 _SWING = 0.05
@@ -82,6 +84,7 @@ _PARALLEL = 0.999
 
 _WHEEL = ('wheel',)
 _CASTOR = ('caster', 'castor')
+_SUSPENSION = ('suspension', 'rocker', 'bogie')
 _ANY_WAY = ('mecanum', 'omni')
 _HEAD = {'head', 'neck', 'camera', 'eye', 'eyes', 'lidar', 'laser', 'kinect', 'antenna'}
 _FINGER = {
@@ -142,8 +145,8 @@ class _Parts:
 class _Tree:
     """Description with the way from the root to each link."""
 
-    def __init__(self, description: Description) -> None:
-        self.description = description
+    def __init__(self, description: Description, held: Iterable[str] = ()) -> None:
+        self.description, self.held = description, {*held}
         self.joints = description.joints
         self.above = {joint.child: joint for joint in self.joints.values()}
         self.below: dict[str, list[Joint]] = {}
@@ -215,12 +218,12 @@ def urdf_defaults(urdf: str, stated: Values) -> Defaults:
 
     """
     _, description, where = described(urdf)
-    tree = _Tree(description)
     values: MutableValues = {
         p.name: p.check(stated[p.name], integers_for_doubles=True)
         for p in PARAMETERS
         if p.name in stated
     }
+    tree = _Tree(description, values.get('robot.held_joints', ()))
     parts = _parts(tree)
     choices, notes = _base(tree, where, parts, values)
     choices += _arm(tree, parts, values)
@@ -311,7 +314,7 @@ def _parts(tree: _Tree) -> _Parts:
     for joint in wheels:
         way = tree.way(joint.child)
         is_castor = len(_swivels(tree, joint)) > 0 or any(
-            _is_named(tree, j, _CASTOR) for j in way
+            _is_named(tree, j, _CASTOR) for j in way if j.name not in tree.held
         )
         (parts.castors if is_castor else parts.driving).append(joint)
         if any(_is_steering(tree, other) for other in _swivels(tree, joint)):
@@ -394,9 +397,9 @@ def _is_wheel(tree: _Tree, joint: Joint) -> bool:
 
 
 def _swivels(tree: _Tree, wheel: Joint) -> list[Joint]:
-    """Return the movable joints between base and wheel, without those of a suspension."""
-    way = tree.way(wheel.child)[:-1]
-    return [joint for joint in way if not _is_named(tree, joint, ('suspension',))]
+    """Return the joints between base and wheel that turn it; a user may hold one."""
+    way = [joint for joint in tree.way(wheel.child)[:-1] if joint.name not in tree.held]
+    return [joint for joint in way if not _is_named(tree, joint, _SUSPENSION)]
 
 
 def _is_steering(tree: _Tree, swivel: Joint) -> bool:
@@ -452,7 +455,8 @@ def _base(
         if castors and 'robot.base' not in values:
             notes = [
                 f'no driving wheels: {listed(castors)} turn about vertical axes or are castors;'
-                ' the base is fixed. robot.base omnidirectional drives it directly'
+                ' the base is fixed. robot.base omnidirectional drives it directly; if the vertical'
+                ' axes are fixed on the robot, name their joints in robot.held_joints'
             ]
         return [], notes
     names = [joint.name for joint in wheels]
@@ -502,7 +506,9 @@ def _base(
         try:
             # One joint is enough; the others, of a suspension for example, are held.
             first = tuple(joint.name for joint in parts.arm[:1])
-            robot = _robot(tree.description, where, {**option, 'robot.joints': first})
+            held = {name: values[name] for name in _HOLDING if name in values}
+            own = {**option, **held, 'robot.joints': first}
+            robot = _robot(tree.description, where, own)
         except InputError as problem:
             error = error or str(problem)
             continue
