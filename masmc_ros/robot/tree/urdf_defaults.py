@@ -455,8 +455,8 @@ def _base(
         if castors and 'robot.base' not in values:
             notes = [
                 f'no driving wheels: {listed(castors)} turn about vertical axes or are castors;'
-                ' the base is fixed. robot.base omnidirectional drives it directly; if the vertical'
-                ' axes are fixed on the robot, name their joints in robot.held_joints'
+                ' the base is fixed. robot.base omnidirectional drives it directly; if the'
+                ' vertical axes are fixed on the robot, name their joints in robot.held_joints'
             ]
         return [], notes
     names = [joint.name for joint in wheels]
