@@ -15,6 +15,7 @@ from helpers.processes import processes, ros_arguments
 from helpers.wheeled_tree import MECANUM_ANGLES, parameter_file, WHEELS
 from masmc_ros.messages.commands import EffortCdr
 import numpy as np
+import pytest
 
 INTERPRETED = {'NUMBA_DISABLE_JIT': '1'}
 """Bitwise identical, without a minute of compilation."""
@@ -22,6 +23,7 @@ INTERPRETED = {'NUMBA_DISABLE_JIT': '1'}
 TOPICS = ('joint_states', 'effort_commands', 'wheel_commands', 'tf')
 
 
+@pytest.mark.slow
 def test_mecanum_nodes_equal_simulation_bitwise(tmp_path: Path) -> None:
     """All messages of states, commands and transforms; wheels have the forces on the base."""
     file = parameter_file(tmp_path, 'omnidirectional', ticks=20)
