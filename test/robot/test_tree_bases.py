@@ -5,9 +5,14 @@
 
 from __future__ import annotations
 
+import json
 import math
+from pathlib import Path
+import subprocess
+import sys
 from typing import Any
 
+from helpers.child_environment import child_environment
 from helpers.tree_bits import model_of
 from helpers.wheeled_tree import (
     AHEAD,
@@ -260,8 +265,7 @@ def test_defaults_skid_steer_base_with_all_wheels() -> None:
     assert len(values['plant.initial_joints']) == 4
     reason = next(c.reason for c in defaults.choices if c.parameter == 'robot.base')
     assert 'skid-steer' in reason
-    reason = next(c.reason for c in defaults.choices if c.parameter == 'robot.wheels')
-    assert 'track is 1.5 times the distance of the sides (robot.track_factor)' in reason
+    assert values['robot.track_factor'] == 1.5
 
 
 def steered(name: str, x: float, side: int) -> str:
@@ -293,3 +297,21 @@ def test_steered_wheels_rejected_by_name_with_reason(rear: tuple[str, ...]) -> N
     defaults = urdf_defaults(text, {})
     assert 'robot.base' not in {choice.parameter for choice in defaults.choices}
     assert 'its wheels are steered (swerve or Ackermann)' in defaults.notes[0]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('settings', [(), ('--set', 'robot.base=omnidirectional')])
+def test_urdf_of_four_wheels_alone_is_simulated(
+    settings: tuple[str, ...], tmp_path: Path
+) -> None:
+    """A skid-steer base, or with the base stated one on mecanum wheels."""
+    (tmp_path / 'cart.urdf').write_text(SKID, encoding='utf-8')
+    command = 'import sys; from masmc_ros.cli.main import main; sys.exit(main())'
+    options = ['cart.urdf', *settings, '--set', 'duration=0.2', '--json']
+    run = subprocess.run(
+        [sys.executable, '-c', command, 'simulate', *options],
+        cwd=tmp_path, env={**child_environment(), 'NUMBA_DISABLE_JIT': '1'}, check=True,
+        capture_output=True, text=True,
+    )  # fmt: skip
+    assert ('robot.roller_angles' if settings else 'robot.track_factor') in run.stderr
+    assert 0.0 < json.loads(run.stdout)['runs'][0]['tip_rms'] < 1e-4

@@ -462,7 +462,9 @@ def _base(
     names = [joint.name for joint in wheels]
     base = values.get('robot.base')
     kind, reason, of_wheels, error = '', '', '', ''
-    rollers: tuple[float, ...] = values.get('robot.roller_angles', ())
+    more: MutableValues = {}
+    if 'robot.roller_angles' in values:
+        more['robot.roller_angles'] = values['robot.roller_angles']
     rolls_any_way = any(_is_named(tree, joint, _ANY_WAY) for joint in wheels)
     if len(wheels) == 2 and base in (None, 'differential'):
         kind, reason = 'differential', 'two wheels on one axle, the right one first'
@@ -472,22 +474,21 @@ def _base(
     elif len(wheels) == 4 and (base == 'omnidirectional' or (base is None and rolls_any_way)):
         kind = 'omnidirectional'
         reason = 'four mecanum wheels, which move the base in every direction'
-        rollers = values.get('robot.roller_angles') or _mecanum_angles(tree, wheels)
+        more.setdefault('robot.roller_angles', _mecanum_angles(tree, wheels))
         of_wheels = (
             'the wheels push the base: forward, sideways and turn have a force or torque each,'
             ' which is distributed to the wheels'
         )
     elif len(wheels) > 3 and base in (None, 'differential') and not rolls_any_way:
         kind = 'differential'
-        factor = values.get('robot.track_factor', TRACK_FACTOR)
+        more['robot.track_factor'] = values.get('robot.track_factor', TRACK_FACTOR)
         reason = (
             f'{len(wheels)} wheels in two rows, a skid-steer base. For mecanum wheels state'
             ' robot.base omnidirectional'
         )
         of_wheels = (
             'those of the right side first; the first one of a side has the torque and the limit'
-            f' of the side. The effective track is {factor:g} times the distance of the sides'
-            ' (robot.track_factor)'
+            ' of the side'
         )
     options: list[MutableValues] = []
     for frame in _frames_of_base(tree, values) if kind else ():
@@ -499,7 +500,7 @@ def _base(
         for radius in _radii(tree, values, tree.joints[order[0]]):
             options.append({
                 'robot.base': kind, 'robot.base_frame': frame, 'robot.wheels': tuple(order),
-                'robot.wheel_radius': radius, 'robot.roller_angles': rollers or (0.0,),
+                'robot.wheel_radius': radius, **more,
             })  # fmt: skip
     usable: tuple[MutableValues, TreeRobot] | None = None
     for option in options:
@@ -523,6 +524,7 @@ def _base(
             'robot.base_frame': f'{listed(names)} are symmetric to this frame',
             'robot.wheels': of_wheels or reason,
             'robot.wheel_radius': "the radius of the wheel's shape",
+            'robot.track_factor': 'effective track relative to the distance of the sides',
             'robot.roller_angles': (
                 'assumed, because no URDF has them: the upper rollers form an X, seen from above'
             ),
@@ -558,7 +560,7 @@ def _base(
 def _mecanum_angles(tree: _Tree, wheels: Sequence[Joint]) -> tuple[float, ...]:
     """Return the usual roller angles of four wheels at the corners; 0 for axles that differ."""
     if any(abs(tree.axis(joint)[1]) < _PARALLEL for joint in wheels):
-        return ()
+        return (0.0,)
     centres = np.array([tree.poses[joint.child][1] for joint in wheels])
     ahead, left = (centres - centres.mean(axis=0))[:, :2].T
     angles: list[float] = (-0.25 * math.pi * np.sign(ahead * left)).tolist()
