@@ -23,6 +23,7 @@ DERIVATIVES = 3
 
 STATE_TOPIC = 'joint_states'
 COMMAND_TOPIC = 'effort_commands'
+SHARED_TOPIC = 'wheel_commands'
 CMD_VEL_TOPIC = 'cmd_vel'
 ARM_VELOCITY_TOPIC = 'arm_velocity_commands'
 CONTACT_TOPIC = 'plant/contact'

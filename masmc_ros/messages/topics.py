@@ -20,6 +20,7 @@ from masmc_ros.messages.names import (
     DESIRED_PATH_TOPIC,
     PAYLOAD_TOPIC,
     REFERENCE_TOPIC,
+    SHARED_TOPIC,
     STATE_TOPIC,
     TELEMETRY,
     telemetry_topic,
@@ -116,6 +117,15 @@ TOPICS = (
         'four torques in N·m, with `command_interface` hybrid those of the arm; the label '
         '`effort@SEC.NANOSEC` has the stamp of the answered state; a `data_offset` of their '
         'number marks a void command',
+    ),
+    Topic(
+        SHARED_TOPIC,
+        FLOAT_ARRAY,
+        'controller →',
+        'with more wheels than velocities of the base and `command_interface` effort: the torques '
+        'of all wheels in N·m, in the order of `robot.wheels`; label and void commands as on '
+        'effort_commands',
+        turns_up=True,
     ),
     Topic(
         CMD_VEL_TOPIC,

@@ -145,11 +145,12 @@ def contact_model(
     mechanism = robot.mechanism
     places = [velocity.place for velocity in mechanism.twist]
     has_rollers = places == _ANY_WAY
-    if (has_rollers and robot.values.get('wheels')) or places not in (_PLACES, _ANY_WAY):
+    driven = len(robot.values.get('wheels', ()))
+    if (has_rollers and driven) or driven > len(_PLACES) or places not in (_PLACES, _ANY_WAY):
         raise InputError(
             'plant.physics = mujoco: expected a robot on two driven wheels (robot.base '
-            'differential), or a base that goes any way without robot.wheels, under which four '
-            'are put'
+            'differential), or an omnidirectional base without robot.wheels, under which four '
+            'are put; skid-steer and mecanum wheels work with plant.physics rigid'
         )
     forces = len(_ANY_WAY) if has_rollers else 0
     names = [joint.name for joint in mechanism.joints][forces:]

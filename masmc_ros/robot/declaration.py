@@ -391,6 +391,15 @@ class Mechanism:
         lower, upper = self._limit('lower', -math.inf), self._limit('upper', math.inf)
         return tuple(zip(lower, upper, strict=True))
 
+    @property
+    def sharing_drives(self) -> tuple[str, ...]:
+        """Return the drives that share the torques of the base; none if the joints drive it."""
+        return ()
+
+    def shared_torques(self, torques: Array) -> Array:
+        """Return the torques (n, drives) of `sharing_drives` for those (n, joints)."""
+        return torques[:, :0]
+
     def at_range_ends(self, position: Array) -> Flags:
         """
         Return True for the joints that stop at the ends of their ranges.

@@ -69,7 +69,8 @@ ATTRIBUTES: Mapping[str, Mapping[str, bool]] = {
     'joint/origin': _POSE,
     'joint/parent': {'link': True},
     'joint/child': {'link': True},
-    'joint/axis': {'xyz': True},
+    # A rotation is part of the file of Husky: zero.
+    'joint/axis': {'xyz': True, 'rpy': True},
     'joint/limit': {
         **dict.fromkeys(('lower', 'upper', 'velocity', 'effort'), True),
         **dict.fromkeys(('acceleration', 'deceleration', 'jerk'), False),
@@ -466,6 +467,11 @@ class _Reader:
         if kind != 'fixed' and (axis_element := element.child('axis')) is not None:
             self._attribute(axis_element, 'xyz', about)
             axis = self._vector(axis_element, 'xyz', about)
+            if any(self._vector(axis_element, 'rpy', about)):
+                turned = axis_element.attributes['rpy']
+                self._reject(
+                    axis_element, about, f'rpy {turned} of the axis, expected no rotation'
+                )
             # Not by `sum`, which Python 3.12 rounds in another way.
             length = math.sqrt(axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2])
             if not 1.0e-6 < length < math.inf:

@@ -182,9 +182,10 @@ def test_tree_robot_base_inertia_contains_wheel_spin() -> None:
         np.array([1.0, 1.0, 0.5**2]) * 4.0 * 0.013 / 0.08**2
     )
     assert robot.inertial_parameters[0][0] == 24.0
-    assert robot.limits.speed.tolist() == [13.0] * 4
-    assert robot.limits.effort.tolist() == [6.0] * 4
-    assert robot.limits.upper.tolist() == [math.inf] * 4
+    # A third of what the wheels allow in each direction alone.
+    assert robot.limits.speed == pytest.approx(13.0 * 0.08 / 3.0 / np.array([1.0, 1.0, 0.5]))
+    assert robot.limits.effort == pytest.approx(6.0 * 4.0 / 0.08 / 3.0 * np.array([1.0, 1.0, 0.5]))
+    assert robot.limits.upper.tolist() == [math.inf] * 3
 
 
 def test_tree_robot_omnidirectional_without_wheels_is_driven() -> None:
@@ -241,8 +242,8 @@ def test_tree_mechanism_invalid_differential_base_raises_one_line(
         (
             '',
             '',
-            {'base': 'differential', 'wheels': CORNERS[:2], 'roller_angles': ()},
-            'expected the base frame in the middle between them',
+            {'base': 'differential', 'wheels': CORNERS[1::-1], 'roller_angles': ()},
+            'expected both on one axle, the right one first, at the smaller y',
         ),
     ],
 )

@@ -160,26 +160,35 @@ def test_defaults_radius_of_shape_if_axle_at_frame() -> None:
 
 def test_defaults_frame_between_the_wheels_is_base_frame() -> None:
     wheels = [wheel('left_wheel', 0.2, 0.2), wheel('right_wheel', 0.2, -0.2)]
-    values, defaults = chosen(robot(arm(), *wheels))
-    assert 'robot.base' not in values
-    assert 'the base is fixed' in defaults.notes[0]
-    assert 'add a link there by a fixed joint' in defaults.notes[0]
+    values, _ = chosen(robot(arm(), *wheels))
+    assert (values['robot.base'], values.get('robot.base_frame')) == ('differential', None)
     footprint = joint('f', 'base', 'axle', '0.2 0 0', kind='fixed', limit=None)
     values, defaults = chosen(robot(arm(), *wheels, footprint))
     assert (values['robot.base'], values['robot.base_frame']) == ('differential', 'axle')
     assert not defaults.notes
 
 
-@pytest.mark.parametrize(('name', 'base'), [('mecanum_wheel', 'omnidirectional'), ('wheel', None)])
-def test_defaults_four_wheels_are_named_in_a_note(name: str, base: str | None) -> None:
-    wheels = [
+@pytest.mark.parametrize(
+    ('name', 'base', 'wheels'),
+    [
+        ('mecanum_wheel', 'omnidirectional', (0, 1, 2, 3)),
+        ('wheel', 'differential', (1, 3, 0, 2)),
+    ],
+)
+def test_defaults_four_wheels_mecanum_or_skid_steer(
+    name: str, base: str, wheels: tuple[int, ...]
+) -> None:
+    parts = [
         wheel(f'{name}_{i}', x, y)
         for i, (x, y) in enumerate([(0.2, 0.2), (0.2, -0.2), (-0.2, 0.2), (-0.2, -0.2)])
     ]
-    values, defaults = chosen(robot(arm(), *wheels))
-    assert values.get('robot.base') == base
-    assert 'robot.wheels' not in values
-    assert bool(defaults.notes) == (base is None)
+    values, defaults = chosen(robot(arm(), *parts))
+    assert values['robot.base'] == base
+    assert values['robot.wheels'] == tuple(f'{name}_{i}' for i in wheels)
+    assert not defaults.notes
+    # The usual rollers, also if the base is stated.
+    angles = chosen(robot(arm(), *parts), base='omnidirectional')[0]['robot.roller_angles']
+    np.testing.assert_allclose(angles, math.pi / 4.0 * np.array([-1, 1, 1, -1]))
 
 
 def test_defaults_three_wheels_omnidirectional_base() -> None:

@@ -102,6 +102,8 @@ class SimulationLog:
             unused = [message_names.ARM_VELOCITY_TOPIC]
             if not simulation.controller.is_hybrid:
                 unused.append(message_names.CMD_VEL_TOPIC)
+        if simulation.controller.by_velocity.any() or not self._mechanism.sharing_drives:
+            unused.append(message_names.SHARED_TOPIC)
         if not len(simulation.plant.contact):
             unused.append(message_names.CONTACT_TOPIC)
         self._channels = {
@@ -193,6 +195,10 @@ class SimulationLog:
             torques, is_void = tick_block.torque[:, first:], tick_block.is_void
             for group in EFFORT.named(driven[first:]).messages(stamps, torques, is_void):
                 yield message_names.COMMAND_TOPIC, stamps[group.indices], group.messages
+        if message_names.SHARED_TOPIC in self._channels:
+            shared = mechanism.shared_torques(np.where(is_void[:, None], 0.0, tick_block.torque))
+            for group in EFFORT.named(mechanism.sharing_drives).messages(stamps, shared, is_void):
+                yield message_names.SHARED_TOPIC, stamps[group.indices], group.messages
         if not controller.by_velocity.any():
             return
         rates = np.zeros((len(stamps), 6))

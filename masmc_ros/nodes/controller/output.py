@@ -17,6 +17,7 @@ from masmc_ros.messages.names import (
     ARM_VELOCITY_TOPIC,
     CMD_VEL_TOPIC,
     COMMAND_TOPIC,
+    SHARED_TOPIC,
     telemetry_topic,
 )
 from masmc_ros.messages.platform_messages import TwistCdr, TwistStampedCdr
@@ -65,7 +66,7 @@ def _largest(torque: Array) -> dict[str, str]:
 
 
 class TorqueOutput:
-    """Torques (N·m) on effort_commands."""
+    """Torques (N·m) on effort_commands, and those of wheels that share them on wheel_commands."""
 
     def __init__(self, controller: Controller, joints: Sequence[str]) -> None:
         """Initialise with the controller, whose torque is sent, and the names of the joints."""
@@ -75,18 +76,27 @@ class TorqueOutput:
         self._effort = CommandWriter(kind, self._torque)
         self._void = CommandWriter(kind, np.zeros(len(joints)), is_void=True)
         self._sent = b''
+        self._shared: _SharedOutput | None = None
+        if controller.mechanism.sharing_drives:
+            self._shared = _SharedOutput(controller)
 
     def connect(self, advertise: Advertise) -> None:
         """Create the publisher."""
         self.publishers = [advertise(Float64MultiArray, COMMAND_TOPIC)]
+        if self._shared is not None:
+            self._shared.connect(advertise)
 
     def send(self, stamp: int) -> None:
         """Send the torques as the response to the state of a stamp in ns."""
         self._send(self._effort.to_bytes(stamp))
+        if self._shared is not None:
+            self._shared.send(stamp)
 
     def send_void(self, stamp: int) -> None:
         """Send a void command as the response to a state; drives then hold zero velocity."""
         self._send(self._void.to_bytes(stamp))
+        if self._shared is not None:
+            self._shared.send_void(stamp)
 
     def repeat(self) -> None:
         """Send the last command again."""
@@ -99,6 +109,32 @@ class TorqueOutput:
     def _send(self, raw: bytes) -> None:
         self._sent = raw
         self.repeat()
+
+
+class _SharedOutput:
+    """Torques (N·m) of all wheels, which share the torques or forces of the base."""
+
+    def __init__(self, controller: Controller) -> None:
+        """Initialise with the controller, whose torque is distributed."""
+        mechanism = controller.mechanism
+        self._torque, self._distributed = controller.torque, mechanism.shared_torques
+        self._numbers = np.zeros(len(mechanism.sharing_drives))
+        kind = EFFORT.named(mechanism.sharing_drives)
+        self._writer = CommandWriter(kind, self._numbers)
+        self._void = CommandWriter(kind, np.zeros(len(self._numbers)), is_void=True)
+
+    def connect(self, advertise: Advertise) -> None:
+        """Create the publisher."""
+        self._publisher = advertise(Float64MultiArray, SHARED_TOPIC)
+
+    def send(self, stamp: int) -> None:
+        """Send the torques as the response to the state of a stamp in ns."""
+        self._numbers[:] = self._distributed(self._torque[None])[0]
+        self._publisher.publish(self._writer.to_bytes(stamp))
+
+    def send_void(self, stamp: int) -> None:
+        """Send a void command as the response to the state of a stamp in ns."""
+        self._publisher.publish(self._void.to_bytes(stamp))
 
 
 class BaseOutput:

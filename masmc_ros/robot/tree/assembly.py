@@ -45,7 +45,7 @@ from masmc_ros.robot.tree.tree_model import (
     REVOLUTE,
     Tree,
 )
-from masmc_ros.robot.tree.wheels import driving_wheels, Mount, Wheels
+from masmc_ros.robot.tree.wheels import driving_wheels, middle_of, Mount, Wheels
 from masmc_ros.robot.urdf import Description, Joint, Link, Pose
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +56,22 @@ BASES = {
     'omnidirectional': OMNIDIRECTIONAL,
 }
 """Kinds of bases by name."""
+
+STEERED = (
+    'the directions in which such a base moves follow its steering angles, which are no'
+    ' coordinates of the model; robot.base omnidirectional without robot.wheels drives it by two'
+    ' forces and a torque, for which a driver steers the wheels'
+)
+"""Reason and remedy for steered wheels."""
+
+AXLE = 'base_axle'
+"""Link that is added for the base frame if that of the description is not on the axle."""
+
+TRACK_FACTOR = 1.5
+"""Default effective track of a skid-steer base relative to its track: that of Jackal's driver."""
+
+_UPRIGHT = 0.98
+"""Smallest vertical part of the axis of a joint that steers a wheel."""
 
 _ROUNDED = 1.0e-9
 """Tolerance for a negative smallest second moment, relative to the second moments."""
@@ -138,6 +154,10 @@ class TreeRobot:
         entry are at 0.
     notes
         Parts of the description that the model does not follow, a sentence each.
+    base_frame
+        Link with the base frame.
+    axle
+        Fixed joint of the link AXLE, which is added to the description; None without it.
 
     """
 
@@ -150,14 +170,27 @@ class TreeRobot:
     wheels: Wheels | None = None
     held: Mapping[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    base_frame: str = ''
+    axle: Joint | None = None
 
     @property
     def limits(self) -> Limits:
-        """Limits of the wheels in their order, then of the controlled joints."""
-        moving = (*(self.wheels.joints if self.wheels else ()), *self.joints)
-        return Limits(
+        """
+        Limits of the wheels or sides in their order, then of the controlled joints.
+
+        If the wheels push the base, they are those of its rates and forces.
+        """
+        wheels = self.wheels
+        moving = (*(wheels.drives if wheels else ()), *self.joints)
+        limits = Limits(
             *(np.array([getattr(joint, name) for joint in moving]) for name in Limits._fields)
         )
+        if wheels is None or not wheels.push_base:
+            return limits
+        speeds, forces = wheels.base_limits
+        ends = np.full(len(speeds), math.inf)
+        own = -ends, ends, speeds, forces
+        return Limits(*map(np.concatenate, zip(own, limits, strict=True)))
 
 
 @dataclass
@@ -180,6 +213,7 @@ def tree_robot(
     joints: Sequence[str] = (),
     held: Mapping[str, float] | None = None,
     armature: float = 0.0,
+    track_factor: float = TRACK_FACTOR,
 ) -> TreeRobot:
     """
     Return the robot of a description.
@@ -195,8 +229,10 @@ def tree_robot(
     base_frame
         Name of the link with the base frame, x forwards and z up; empty for the root.
     wheels
-        Names of the joints of right and left wheel of a differential base, or of at least three
-        wheels of an omnidirectional one. Without wheels the base velocities are actuated directly.
+        Names of the joints of right and left wheel of a differential base, of four or more wheels
+        of a skid-steer one, or of at least three wheels of an omnidirectional one. Without wheels
+        the base velocities are actuated directly. If the base frame of a differential base is not
+        in the middle of its wheels, the model's base frame is a link AXLE that is added there.
     wheel_radius
         Radius in m; 0 selects the height of the axles above the base frame.
     roller_angles
@@ -208,6 +244,8 @@ def tree_robot(
         Positions of joints that are not controlled, in rad or m, by name; default 0.
     armature
         Rotor inertia of every joint, at the joint, in kg·m² or kg; mimic joints have no rotor.
+    track_factor
+        Effective track of a skid-steer base relative to the distance of its wheels.
 
     Raises
     ------
@@ -219,7 +257,11 @@ def tree_robot(
         raise InputError(f"robot.base '{base}'; {suggestion(base, BASES)}")
     is_right, expected = {
         'fixed': (not wheels, 'none'),
-        'differential': (len(wheels) == 2, 'the joints of right and left wheel'),
+        'differential': (
+            len(wheels) > 1 and len(wheels) % 2 == 0,
+            'the joints of right and left wheel, or of all wheels of a skid-steer base, as many'
+            ' on both sides,',
+        ),
         'omnidirectional': (not wheels or len(wheels) > 2, 'three or more joints or none'),
     }[base]
     if not is_right or len(set(wheels)) != len(wheels):
@@ -228,6 +270,7 @@ def tree_robot(
         )
     _check_names(description, [*wheels, *joints, *(held or {})])
     controlled = _controlled(description, where, wheels, joints, held or {})
+    stated_positions = held
     mimics, held, mimic_notes = _mimics(description, where, controlled, wheels, held or {})
     places = controlled, mimics, held
     ranks = {name: number for number, name in enumerate(description.joints)}
@@ -247,8 +290,29 @@ def tree_robot(
     rotor = np.zeros((kind + len(order), kind + len(order)))
     rotor[range(kind, len(rotor)), range(kind, len(rotor))] = armature
     if wheels:
-        mounts = [_mount(description, where, frames, name) for name in wheels]
-        driving = driving_wheels(kind, mounts, where, wheel_radius, roller_angles)
+        fixed = stated_positions or {}
+        mounts = [_mount(description, where, frames, name, fixed) for name in wheels]
+        middle = middle_of(mounts, where) if kind == DIFFERENTIAL else (0.0, 0.0)
+        if any(middle) and base_frame != AXLE:
+            axle = description.joints.get(f'{AXLE}_joint') or Joint(
+                f'{AXLE}_joint', 0, 'fixed', base_frame or description.root, AXLE,
+                Pose((*middle, 0.0)), (1.0, 0.0, 0.0),
+            )  # fmt: skip
+            moved = tree_robot(
+                with_axle(description, axle), where, base=base, base_frame=AXLE, wheels=wheels,
+                wheel_radius=wheel_radius, roller_angles=roller_angles, joints=joints,
+                held=stated_positions, armature=armature, track_factor=track_factor,
+            )  # fmt: skip
+            x, y, _ = axle.origin.offset
+            note = (
+                f"the middle of the wheels is at x {x:g} m, y {y:g} m of '{axle.parent}': a link"
+                f" '{AXLE}' is added there, and pose, odometry and tasks of the base are those of"
+                ' this link'
+            )
+            return replace(moved, axle=axle, notes=(note, *moved.notes))
+        driving = driving_wheels(
+            kind, mounts, where, wheel_radius, roller_angles, track_factor
+        )
         rotor[:kind, :kind] = driving.inertia(armature)
     axes = [VECTOR, *(joint.axis for joint in moving)]
     kinds = [PRISMATIC if joint.kind == 'prismatic' else REVOLUTE for joint in moving]
@@ -275,6 +339,18 @@ def tree_robot(
         driving,
         held,
         (*mimic_notes, *(note for _, notes in driven for note in notes), *link_notes),
+        base_frame or description.root,
+    )
+
+
+def with_axle(description: Description, axle: Joint) -> Description:
+    """Return a description with the link AXLE on its fixed joint, if it has no such link."""
+    if AXLE in description.links:
+        return description
+    return replace(
+        description,
+        links={**description.links, AXLE: Link(AXLE, 0)},
+        joints={**description.joints, axle.name: axle},
     )
 
 
@@ -632,20 +708,47 @@ def _least(inertial_parameters: Moments) -> float:
 
 
 def _mount(
-    description: Description, where: str, frames: Mapping[str, Frame], name: str
+    description: Description,
+    where: str,
+    frames: Mapping[str, Frame],
+    name: str,
+    fixed: Mapping[str, float],
 ) -> Mount:
-    """Return the mounting of a wheel on the base."""
+    """Return the mounting of a wheel on the base; joints in `fixed` steer no wheel."""
     joint = description.joints[name]
     frame, axis = frames[joint.child], _vector(joint.axis)
     for is_wrong, what in (
-        (joint.kind not in ('continuous', 'revolute'), f'is {joint.kind}'),
-        (bool(joint.mimics), f"moves with '{joint.mimics}'"),
-        (frame.body != 0, 'moves against the base'),
+        (joint.kind not in ('continuous', 'revolute'), f'is {joint.kind}: it is no wheel'),
+        (bool(joint.mimics), f"moves with '{joint.mimics}': it is no wheel"),
+        (
+            bool(steering := _steering(description, joint, fixed)),
+            f"is a wheel that joint '{steering}' steers (swerve or Ackermann), which is not"
+            f' supported: {STEERED}; if the joint is fixed on the robot, robot.held_joints names'
+            ' it',
+        ),
+        (frame.body != 0, 'moves against the base: it is no wheel'),
     ):
         if is_wrong:
-            raise InputError(f"{where}, line {joint.line}: joint '{name}' {what}: it is no wheel")
+            raise InputError(f"{where}, line {joint.line}: joint '{name}' {what}")
     inertia = _about(axis, _wheel_moments(description, frames, joint.child))
     return Mount(joint, frame.offset, rotate(frame.rotation, axis), inertia)
+
+
+def _steering(description: Description, wheel: Joint, fixed: Mapping[str, float]) -> str:
+    """Return the name of a turning joint with a vertical axis that carries a wheel, or ''."""
+    above = {joint.child: joint for joint in description.joints.values()}
+    way, link = [], wheel.parent
+    while link in above:
+        way.append(above[link])
+        link = way[-1].parent
+    rotation = ROTATION
+    for joint in reversed(way):
+        rotation = product(rotation, joint_pose(joint, 0.0)[0])
+        axis = rotate(rotation, _vector(joint.axis))
+        turns = joint.kind in ('continuous', 'revolute') and joint.name not in fixed
+        if turns and abs(axis[2]) > _UPRIGHT:
+            return joint.name
+    return ''
 
 
 def _wheel_moments(

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 import copyreg
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from itertools import count
 from types import SimpleNamespace
 from typing import Any
 import xml.etree.ElementTree as ElementTree
@@ -38,8 +39,10 @@ from masmc_ros.robot.tree.assembly import (
     BASES,
     joint_pose,
     pseudo_inertia,
+    TRACK_FACTOR,
     tree_robot,
     TreeRobot,
+    with_axle,
 )
 from masmc_ros.robot.tree.frames import (
     BASE,
@@ -62,7 +65,7 @@ from masmc_ros.robot.tree.postures import (
 from masmc_ros.robot.tree.spatial import PER_BODY, rotate, transpose
 from masmc_ros.robot.tree.task.outputs import Task, task_of, TaskRobot
 from masmc_ros.robot.tree.tree_model import packed
-from masmc_ros.robot.urdf import Description, read_urdf, read_urdf_file, urdf_text
+from masmc_ros.robot.urdf import Description, Joint, read_urdf, read_urdf_file, urdf_text
 import numpy as np
 
 NAME = 'tree'
@@ -77,7 +80,10 @@ FRICTIONLESS = 'none'
 PARAMETERS = (
     Parameter('robot.base', 'fixed', 'Type of the base', choices=tuple(BASES)),
     Parameter('robot.base_frame', '', 'Link of the base frame; empty: the root link'),
-    Parameter('robot.wheels', (), 'Joints of the wheels, right and left'),
+    Parameter(
+        'robot.wheels', (), 'Joints of the wheels: right and left, all of a skid-steer base, or '
+        'three or more of an omnidirectional one',
+    ),
     Parameter(
         'robot.wheel_radius', 0.0, 'Radius of the wheels; 0: their height above the ground',
         unit='m', minimum=0.0,
@@ -85,6 +91,10 @@ PARAMETERS = (
     Parameter(
         'robot.roller_angles', (0.0,), 'Angle of the rollers of each omnidirectional wheel, or of '
         'all; 0, or that of a mecanum wheel', unit='rad',
+    ),
+    Parameter(
+        'robot.track_factor', TRACK_FACTOR, 'Effective track of a skid-steer base, relative to '
+        'the distance of its wheels', minimum=0.0, exclusive_minimum=True,
     ),
     Parameter('robot.tip_frame', '', 'Link of the task; empty: the last link'),
     Parameter(
@@ -235,6 +245,19 @@ class TreeMechanism(Mechanism):
             'speed': _speed_limits(self.robot, self.joints, self.speed_settings),
         }
 
+    @property
+    def sharing_drives(self) -> tuple[str, ...]:
+        """Return the drives that share the torques of the base; none if the joints drive it."""
+        wheels = self.robot.wheels
+        if wheels is None or len(wheels.joints) <= self.robot.tree.base:
+            return ()
+        return tuple(joint.name for joint in wheels.joints)
+
+    def shared_torques(self, torques: Array) -> Array:
+        """Return the torques (n, drives) of `sharing_drives` for those (n, joints)."""
+        base, wheels = self.robot.tree.base, self.robot.wheels
+        return torques[:, :0] if wheels is None else wheels.wheel_torques(torques[:, :base])
+
     def at_range_ends(self, position: Array) -> Flags:
         """Return True (n, joints) for joints whose mobility is below `robot.least_pivot`."""
         limits, values = self.joint_limits, self.made_of
@@ -257,10 +280,12 @@ class TreeMechanism(Mechanism):
         """Return tip, joints that are not controlled, friction, mass, reach and gravity."""
         robot, arm = self.robot, start[-len(self.robot.joints):]
         controlled = {joint.name for joint in self.joints}
+        followers = {} if robot.wheels is None else robot.wheels.followers
+        wheels = set() if robot.wheels is None else {joint.name for joint in robot.wheels.joints}
         others = [
             joint
             for joint in self.description.joints.values()
-            if joint.kind != 'fixed' and joint.name not in controlled
+            if joint.kind != 'fixed' and joint.name not in controlled | wheels
         ]
         held = [
             {
@@ -283,6 +308,9 @@ class TreeMechanism(Mechanism):
                 {'name': joint.name, 'mimics': joint.mimics, 'multiplier': joint.multiplier,
                  'offset': joint.mimic_offset}
                 for joint in others if joint.mimics
+            ] + [
+                {'name': name, 'mimics': drive, 'multiplier': multiplier, 'offset': offset}
+                for name, (drive, multiplier, offset) in followers.items()
             ],
             'friction': self.made_of['robot.friction'],
             'total_mass': float(robot.inertial_parameters[:, 0].sum()),
@@ -381,7 +409,11 @@ class TreeMechanism(Mechanism):
     def _frames(self) -> Frames:
         """Poses of the frames, and the positions that move them."""
         places = {joint.name: len(self.base) + i for i, joint in enumerate(self.joints)}
-        mimics = self.robot.mimics
+        wheels = self.robot.wheels
+        if wheels is not None and wheels.push_base:
+            names = [joint.name for joint in wheels.joints]
+            places |= dict(zip(names, count(len(self.base) + len(self.joints)), strict=False))
+        mimics = {**self.robot.mimics, **(wheels.followers if wheels else {})}
         below = {joint.child: joint for joint in self.description.joints.values()}
         origin = np.zeros((len(self.frames), 7))
         origin[:, 6] = 1.0
@@ -413,6 +445,11 @@ class TreeMechanism(Mechanism):
         return self._frames.origin[:, :3]
 
     def _frame_transforms(self, origins: Array, position: Array) -> Array:
+        wheels = self.robot.wheels
+        if wheels is not None and wheels.push_base:
+            first, size = len(self.base), self.robot.tree.base
+            turned = wheels.rates_of(position[:, first:first + size])
+            position = np.hstack([position, turned])
         frame_poses: Array = transforms(self._frames, position)
         return frame_poses
 
@@ -552,7 +589,6 @@ def _made(urdf: str, own: tuple[Value, ...], version: tuple[int, ...]) -> TreeMe
     held = dict(zip(names, angles.tolist(), strict=True))
     if len(held) < len(names):
         raise InputError(f'robot.held_joints {list(names)}: expected different names')
-    _check_number(wheels, values)
     rollers = _as_many(values['robot.roller_angles'], len(wheels), 'robot.roller_angles')
     robot = tree_robot(
         description,
@@ -565,20 +601,22 @@ def _made(urdf: str, own: tuple[Value, ...], version: tuple[int, ...]) -> TreeMe
         joints=values['robot.joints'],
         held=held,
         armature=values['robot.armature'],
+        track_factor=values['robot.track_factor'],
     )
+    if robot.axle is not None and robot.base_frame not in description.links:
+        description, text = with_axle(description, robot.axle), _with_axle(text, robot.axle)
     if not robot.joints:
         raise InputError(f'{where}: no joint that can be controlled; expected one at least')
     _check_masses(robot, where)
     if not values['robot.armature']:
         _check_inertia(robot, where)
     _check_reserved(description, where)
-    base = values['robot.base']
-    root = values['robot.base_frame'] or description.root
+    base, root = values['robot.base'], robot.base_frame
     tip = _tip(robot, values)
-    driven = () if robot.wheels is None else robot.wheels.joints
+    driven = () if robot.wheels is None else robot.wheels.drives
     drives = tuple(Coordinate(j.name, j.name, j.name) for j in driven) or _DRIVES[base]
     arm = _coordinates(robot)
-    task = task_in(robot, description, values, values['robot.task'])
+    task = task_in(robot, values, values['robot.task'])
     bodies = [root, *(j.child for j in robot.moving)]
     limited = _speed_limits(robot, (*drives, *arm), values[SPEED_LIMITS.name])
     model = _model(robot, task, values, limited)
@@ -643,6 +681,18 @@ def _made(urdf: str, own: tuple[Value, ...], version: tuple[int, ...]) -> TreeMe
     return mechanism
 
 
+def _with_axle(text: str, axle: Joint) -> str:
+    """Return a URDF with a fixed joint and its child, a link without inertia."""
+    root = ElementTree.fromstring(text)
+    ElementTree.SubElement(root, 'link', name=axle.child)
+    joint = ElementTree.SubElement(root, 'joint', name=axle.name, type='fixed')
+    ElementTree.SubElement(joint, 'parent', link=axle.parent)
+    ElementTree.SubElement(joint, 'child', link=axle.child)
+    place = ' '.join(map(repr, axle.origin.offset))
+    ElementTree.SubElement(joint, 'origin', xyz=place, rpy='0 0 0')
+    return ElementTree.tostring(root, encoding='unicode', xml_declaration=True)
+
+
 def _tip(robot: TreeRobot, values: Values) -> str:
     """Return the link of the tip; InputError for an unknown name."""
     tip: str = values['robot.tip_frame'] or robot.joints[-1].child
@@ -661,14 +711,12 @@ def _coordinates(robot: TreeRobot) -> tuple[Coordinate, ...]:
     )
 
 
-def task_in(
-    robot: TreeRobot, description: Description, values: Values, texts: Sequence[str]
-) -> Task:
+def task_in(robot: TreeRobot, values: Values, texts: Sequence[str]) -> Task:
     """Return the task of outputs `texts` for values of PARAMETERS; may raise InputError."""
     goes_sideways = values['robot.base'] != 'differential'
-    root = values['robot.base_frame'] or description.root
     arm, tip = _coordinates(robot), _tip(robot, values)
-    return task_of(texts, TaskRobot(tuple(robot.frames), arm, tip, root, goes_sideways))
+    links = tuple(robot.frames)
+    return task_of(texts, TaskRobot(links, arm, tip, robot.base_frame, goes_sideways))
 
 
 def _check_masses(robot: TreeRobot, where: str) -> None:
@@ -678,20 +726,6 @@ def _check_masses(robot: TreeRobot, where: str) -> None:
         raise InputError(
             f'{where}: no link that moves has a mass; expected an <inertial> in the links of'
             f" joint '{robot.joints[0].name}' and of those after it"
-        )
-
-
-def _check_number(wheels: Sequence[str], values: Values) -> None:
-    """Raise InputError for more wheels than the base has velocities."""
-    rates = BASES[values['robot.base']]
-    if 0 < rates < len(wheels):
-        arm = '' if values['robot.joints'] else (
-            '; name the joints of the arm in robot.joints, or else the wheels are joints of it too'
-        )  # fmt: skip
-        raise InputError(
-            f'robot.wheels: {len(wheels)} for {rates} velocities of the base, which is not'
-            ' supported; leave robot.wheels out and set robot.base to omnidirectional, which is'
-            f' driven directly by two forces and a torque{arm}'
         )
 
 
@@ -749,7 +783,7 @@ def _model(
     frames = [robot.frames[link] for link in task.frames]
     return packed(
         robot.tree,
-        np.eye(base) if robot.wheels is None else robot.wheels.matrix,
+        np.eye(base) if robot.wheels is None else robot.wheels.drive_matrix,
         [(frame.body, frame.rotation, frame.offset) for frame in frames],
         task.places,
         mobility,
@@ -770,7 +804,9 @@ def _friction(robot: TreeRobot, values: Values, joints: int) -> Array:
         return np.zeros(0)
     coefficients = np.zeros((2, joints))
     if kind == 'urdf':
-        own = (*(robot.wheels.joints if robot.wheels else ()), *robot.joints)
+        own = (*(robot.wheels.drives if robot.wheels else ()), *robot.joints)
+        if robot.wheels is not None and robot.wheels.push_base:
+            coefficients[:, :robot.tree.base] = robot.wheels.base_friction
         coefficients[0, joints - len(own):] = [joint.damping for joint in own]
         coefficients[1, joints - len(own):] = [joint.friction for joint in own]
     else:

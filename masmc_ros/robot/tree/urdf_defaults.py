@@ -24,7 +24,13 @@ from masmc_ros.errors import InputError
 from masmc_ros.params.declaration import MutableValues, Value, Values
 from masmc_ros.params.text import yaml_text
 from masmc_ros.robot.declaration import listed
-from masmc_ros.robot.tree.assembly import joint_pose, tree_robot, TreeRobot
+from masmc_ros.robot.tree.assembly import (
+    joint_pose,
+    STEERED,
+    TRACK_FACTOR,
+    tree_robot,
+    TreeRobot,
+)
 from masmc_ros.robot.tree.postures import (
     arm_limits,
     frame_of,
@@ -41,6 +47,8 @@ from masmc_ros.robot.tree.task.rotation_vector import vector_of
 from masmc_ros.robot.tree.tree_mechanism import described, mobility, PARAMETERS, task_in
 from masmc_ros.robot.urdf import Description, Joint
 import numpy as np
+
+_HOLDING = 'robot.held_joints', 'robot.held_positions'
 
 START, DURATION = 'plant.initial_joints', 'duration'
 
@@ -71,8 +79,12 @@ _STEPS = 10
 _SYMMETRIC = 2.0e-3
 """Tolerance in m and rad for wheels of one axle."""
 
+_PARALLEL = 0.999
+"""Smallest part along y of axles that are parallel to it."""
+
 _WHEEL = ('wheel',)
 _CASTOR = ('caster', 'castor')
+_SUSPENSION = ('suspension', 'rocker', 'bogie')
 _ANY_WAY = ('mecanum', 'omni')
 _HEAD = {'head', 'neck', 'camera', 'eye', 'eyes', 'lidar', 'laser', 'kinect', 'antenna'}
 _FINGER = {
@@ -123,6 +135,8 @@ class _Parts:
 
     driving: list[Joint] = field(default_factory=list)
     castors: list[Joint] = field(default_factory=list)
+    steered: list[Joint] = field(default_factory=list)
+    """Those of the castors that a joint with a range steers."""
     fingers: list[Joint] = field(default_factory=list)
     heads: list[Joint] = field(default_factory=list)
     arm: list[Joint] = field(default_factory=list)
@@ -131,8 +145,8 @@ class _Parts:
 class _Tree:
     """Description with the way from the root to each link."""
 
-    def __init__(self, description: Description) -> None:
-        self.description = description
+    def __init__(self, description: Description, held: Iterable[str] = ()) -> None:
+        self.description, self.held = description, {*held}
         self.joints = description.joints
         self.above = {joint.child: joint for joint in self.joints.values()}
         self.below: dict[str, list[Joint]] = {}
@@ -204,12 +218,12 @@ def urdf_defaults(urdf: str, stated: Values) -> Defaults:
 
     """
     _, description, where = described(urdf)
-    tree = _Tree(description)
     values: MutableValues = {
         p.name: p.check(stated[p.name], integers_for_doubles=True)
         for p in PARAMETERS
         if p.name in stated
     }
+    tree = _Tree(description, values.get('robot.held_joints', ()))
     parts = _parts(tree)
     choices, notes = _base(tree, where, parts, values)
     choices += _arm(tree, parts, values)
@@ -300,9 +314,11 @@ def _parts(tree: _Tree) -> _Parts:
     for joint in wheels:
         way = tree.way(joint.child)
         is_castor = len(_swivels(tree, joint)) > 0 or any(
-            _is_named(tree, j, _CASTOR) for j in way
+            _is_named(tree, j, _CASTOR) for j in way if j.name not in tree.held
         )
         (parts.castors if is_castor else parts.driving).append(joint)
+        if any(_is_steering(tree, other) for other in _swivels(tree, joint)):
+            parts.steered.append(joint)
         parts.castors += [other for other in way[:-1] if other not in parts.castors]
     for joint in independent:
         rollers = any(j in tree.carried(wheel) for wheel in wheels for j in [joint])
@@ -381,9 +397,16 @@ def _is_wheel(tree: _Tree, joint: Joint) -> bool:
 
 
 def _swivels(tree: _Tree, wheel: Joint) -> list[Joint]:
-    """Return the movable joints between base and wheel, without those of a suspension."""
-    way = tree.way(wheel.child)[:-1]
-    return [joint for joint in way if not _is_named(tree, joint, ('suspension',))]
+    """Return the joints between base and wheel that turn it; a user may hold one."""
+    way = [joint for joint in tree.way(wheel.child)[:-1] if joint.name not in tree.held]
+    return [joint for joint in way if not _is_named(tree, joint, _SUSPENSION)]
+
+
+def _is_steering(tree: _Tree, swivel: Joint) -> bool:
+    """Return True if a drive turns the swivel of a wheel, by its name or its range."""
+    return _is_named(tree, swivel, ('steer',)) or (
+        swivel.kind == 'revolute' and not _is_named(tree, swivel, _CASTOR)
+    )
 
 
 def _has_twin(tree: _Tree, joint: Joint) -> bool:
@@ -421,52 +444,94 @@ def _base(
     wheels, notes = parts.driving, []
     if 'robot.wheels' in values or values.get('robot.base') == 'fixed':
         return [], []
+    if parts.steered and 'robot.base' not in values:
+        steered = listed([joint.name for joint in parts.steered])
+        return [], [
+            f'the base is fixed, because its wheels are steered (swerve or Ackermann), which is'
+            f' not supported: {steered}; {STEERED}'
+        ]
     if not wheels:
         castors = [joint.name for joint in parts.castors]
         if castors and 'robot.base' not in values:
             notes = [
                 f'no driving wheels: {listed(castors)} turn about vertical axes or are castors;'
-                ' the base is fixed. robot.base omnidirectional drives it directly'
+                ' the base is fixed. robot.base omnidirectional drives it directly; if the'
+                ' vertical axes are fixed on the robot, name their joints in robot.held_joints'
             ]
         return [], notes
     names = [joint.name for joint in wheels]
     base = values.get('robot.base')
-    options: list[MutableValues] = []
-    reason, error = '', ''
+    kind, reason, of_wheels, error = '', '', '', ''
+    more: MutableValues = {}
+    if 'robot.roller_angles' in values:
+        more['robot.roller_angles'] = values['robot.roller_angles']
+    rolls_any_way = any(_is_named(tree, joint, _ANY_WAY) for joint in wheels)
     if len(wheels) == 2 and base in (None, 'differential'):
-        for frame in _frames_of_base(tree, values):
-            right, left = sorted(wheels, key=lambda joint: _seen(tree, frame, joint)[1])
-            for radius in _radii(tree, values, right):
-                options.append({
-                    'robot.base': 'differential', 'robot.base_frame': frame,
-                    'robot.wheels': (right.name, left.name), 'robot.wheel_radius': radius,
-                })  # fmt: skip
-        reason = 'two wheels on one axle, the right one first'
+        kind, reason = 'differential', 'two wheels on one axle, the right one first'
     elif len(wheels) == 3 and base in (None, 'omnidirectional'):
-        for frame in _frames_of_base(tree, values):
-            for radius in _radii(tree, values, wheels[0]):
-                options.append({
-                    'robot.base': 'omnidirectional', 'robot.base_frame': frame,
-                    'robot.wheels': tuple(names), 'robot.wheel_radius': radius,
-                })  # fmt: skip
+        kind = 'omnidirectional'
         reason = 'three wheels; their rollers are assumed perpendicular (robot.roller_angles)'
+    elif len(wheels) == 4 and (base == 'omnidirectional' or (base is None and rolls_any_way)):
+        kind = 'omnidirectional'
+        reason = 'four mecanum wheels, which move the base in every direction'
+        more.setdefault('robot.roller_angles', _mecanum_angles(tree, wheels))
+        of_wheels = (
+            'the wheels push the base: forward, sideways and turn have a force or torque each,'
+            ' which is distributed to the wheels'
+        )
+    elif len(wheels) > 3 and base in (None, 'differential') and not rolls_any_way:
+        kind = 'differential'
+        more['robot.track_factor'] = values.get('robot.track_factor', TRACK_FACTOR)
+        reason = (
+            f'{len(wheels)} wheels in two rows, a skid-steer base. For mecanum wheels state'
+            ' robot.base omnidirectional'
+        )
+        of_wheels = (
+            'those of the right side first; the first one of a side has the torque and the limit'
+            ' of the side'
+        )
+    options: list[MutableValues] = []
+    for frame in _frames_of_base(tree, values) if kind else ():
+        order = names
+        if kind == 'differential':
+            across = {joint.name: _seen(tree, frame, joint)[1] for joint in wheels}
+            middle = 0.5 * (min(across.values()) + max(across.values()))
+            order = sorted(names, key=lambda name: across[name] > middle)
+        for radius in _radii(tree, values, tree.joints[order[0]]):
+            options.append({
+                'robot.base': kind, 'robot.base_frame': frame, 'robot.wheels': tuple(order),
+                'robot.wheel_radius': radius, **more,
+            })  # fmt: skip
+    usable: tuple[MutableValues, TreeRobot] | None = None
     for option in options:
         try:
             # One joint is enough; the others, of a suspension for example, are held.
             first = tuple(joint.name for joint in parts.arm[:1])
-            rollers = values.get('robot.roller_angles', (0.0,))
-            own = {'robot.joints': first, 'robot.roller_angles': rollers}
-            _robot(tree.description, where, {**option, **own})
+            held = {name: values[name] for name in _HOLDING if name in values}
+            own = {**option, **held, 'robot.joints': first}
+            robot = _robot(tree.description, where, own)
         except InputError as problem:
             error = error or str(problem)
             continue
+        usable = usable or (option, robot)
+        if robot.axle is None:
+            usable = option, robot
+            break
+    if usable is not None:
+        option, robot = usable
         texts = {
             'robot.base': reason,
             'robot.base_frame': f'{listed(names)} are symmetric to this frame',
-            'robot.wheels': reason,
+            'robot.wheels': of_wheels or reason,
             'robot.wheel_radius': "the radius of the wheel's shape",
+            'robot.track_factor': 'effective track relative to the distance of the sides',
+            'robot.roller_angles': (
+                'assumed, because no URDF has them: the upper rollers form an X, seen from above'
+            ),
         }
-        usual = {'robot.base_frame': '', 'robot.wheel_radius': 0.0}
+        usual = {
+            'robot.base_frame': '', 'robot.wheel_radius': 0.0, 'robot.roller_angles': (0.0,),
+        }  # fmt: skip
         choices = [
             Choice(name, value, texts[name])
             for name, value in option.items()
@@ -475,23 +540,31 @@ def _base(
         for choice in choices:
             values.setdefault(choice.parameter, choice.value)
         return choices, notes
-    if len(wheels) > 3 and base is None and any(_is_named(tree, j, _ANY_WAY) for j in wheels):
+    if base is None and rolls_any_way:
         values['robot.base'] = 'omnidirectional'
         reason = (
             f'{len(wheels)} wheels whose names say that they drive it in every direction; it is'
-            ' driven directly, because the angles of the rollers are in no URDF'
+            ' driven directly, because the angles of the rollers are in no URDF (robot.wheels and'
+            ' robot.roller_angles)'
         )
         return [Choice('robot.base', 'omnidirectional', reason)], notes
     if base is None:
-        why = error.removeprefix(f'{where}: ') or (
-            f'{len(wheels)} wheels are more than the base has velocities, which is not supported'
-            if len(wheels) > 3 else f'{len(wheels)} wheel'
-        )  # fmt: skip
+        why = error.removeprefix(f'{where}: ') or f'{len(wheels)} wheel'
         notes = [
             f'the base is fixed, because its wheels {listed(names)} are not used: {why}.'
             ' robot.base omnidirectional drives the base directly'
         ]
     return [], notes
+
+
+def _mecanum_angles(tree: _Tree, wheels: Sequence[Joint]) -> tuple[float, ...]:
+    """Return the usual roller angles of four wheels at the corners; 0 for axles that differ."""
+    if any(abs(tree.axis(joint)[1]) < _PARALLEL for joint in wheels):
+        return (0.0,)
+    centres = np.array([tree.poses[joint.child][1] for joint in wheels])
+    ahead, left = (centres - centres.mean(axis=0))[:, :2].T
+    angles: list[float] = (-0.25 * math.pi * np.sign(ahead * left)).tolist()
+    return tuple(angles)
 
 
 def _frames_of_base(tree: _Tree, values: Values) -> list[str]:
@@ -622,6 +695,7 @@ def _robot(description: Description, where: str, values: Values) -> TreeRobot:
         wheels=values.get('robot.wheels', ()),
         wheel_radius=values.get('robot.wheel_radius', 0.0),
         roller_angles=rollers if any(rollers) and len(rollers) > 1 else (),
+        track_factor=values.get('robot.track_factor', TRACK_FACTOR),
         joints=values.get('robot.joints', ()),
         held=dict(zip(names, positions.tolist(), strict=True)),
     )
@@ -643,7 +717,7 @@ def _task_and_start(
         texts = tuple(stated or (kind,))
         if not stated and len(OUTPUTS.get(kind, ())) > velocities:
             continue
-        task = task_in(robot, description, every, texts)
+        task = task_in(robot, every, texts)
         pivots = _pivots(robot, task, every, postures)
         if stated or kind == 'joints' or pivots.max() > 2.0 * every['robot.least_pivot']:
             best = task, pivots
@@ -669,9 +743,7 @@ def _task_and_start(
         posture = tuple(start.tolist())
         choices.append(Choice('robot.posture', posture, 'the start'))
     choices.append(Choice(DURATION, _DURATION, 'length of the run in s'))
-    drives = 0 if robot.tree.base == 0 else robot.tree.base
-    if robot.wheels is not None:
-        drives = len(robot.wheels.joints)
+    drives = robot.tree.base
     choices.append(Choice(START, (*(0.0,) * drives, *start.tolist()), why))
     return choices + _path(robot, task, every, start)
 

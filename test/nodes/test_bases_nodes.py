@@ -1,0 +1,56 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Nodes with four mecanum wheels: the bits of a simulation, and torques of the wheels."""
+
+from __future__ import annotations
+
+from pathlib import Path
+import subprocess
+import sys
+
+from helpers.child_environment import child_environment
+from helpers.log_contents import read_log
+from helpers.processes import processes, ros_arguments
+from helpers.wheeled_tree import MECANUM_ANGLES, parameter_file, WHEELS
+from masmc_ros.messages.commands import EffortCdr
+import numpy as np
+import pytest
+
+INTERPRETED = {'NUMBA_DISABLE_JIT': '1'}
+"""Bitwise identical, without a minute of compilation."""
+
+TOPICS = ('joint_states', 'effort_commands', 'wheel_commands', 'tf')
+
+
+@pytest.mark.slow
+def test_mecanum_nodes_equal_simulation_bitwise(tmp_path: Path) -> None:
+    """All messages of states, commands and transforms; wheels have the forces on the base."""
+    file = parameter_file(tmp_path, 'omnidirectional', ticks=20)
+    live, offline = tmp_path / 'live.mcap', tmp_path / 'offline.mcap'
+    with processes(tmp_path) as started:
+        arguments = ros_arguments(
+            file, recorder__output=live, plant__wait_for='[controller, trajectory, recorder]'
+        )
+        started.start('composed', '--record', *arguments, environment=INTERPRETED)
+        assert started.wait() == {'composed': 0}, started.output()
+    command = 'import sys; from masmc_ros.cli.main import main; sys.exit(main())'
+    arguments = ['simulate', str(file), '--output', str(offline)]
+    environment = {**child_environment(), **INTERPRETED}
+    subprocess.run([sys.executable, '-c', command, *arguments], env=environment, check=True)
+    expected, recorded = (read_log(log).messages for log in (offline, live))
+    for topic in TOPICS:
+        assert recorded[topic] == expected[topic], topic
+        assert len(recorded[topic]) > 19, topic
+    forces, torques = EffortCdr(('u', 'v', 'w', 'upper', 'hand')), EffortCdr(WHEELS)
+    slopes = np.tan(MECANUM_ANGLES)
+    for command, of_wheels in zip(
+        expected['effort_commands'], expected['wheel_commands'], strict=True
+    ):
+        assert forces.load(command)
+        assert torques.load(of_wheels)
+        assert np.abs(torques.data).max() > 0.0
+        axes = np.array([1.0, 1.0, -1.0, 1.0])
+        ahead = (axes * torques.data).sum() / 0.1
+        sideways = (axes * slopes * torques.data).sum() / 0.1
+        np.testing.assert_allclose([ahead, sideways], forces.data[:2], atol=1e-9)
