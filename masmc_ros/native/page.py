@@ -59,6 +59,9 @@ SHARED = ('k_s1', 'k_s2', 'sigma', 'gamma')
 FURTHER = ('leakage', 'e_modification', 'dead_zone', 'torque_limit', 'torque_rate_limit')
 """Further parameters with a slider, which the page shows on request."""
 
+_WITHOUT_EFFECT = 'slip_backoff'
+"""Parameter about slip of the wheels, which this plant lacks."""
+
 SCALE = 'model_scale'
 """Assumed part of the masses: nominal parameters are its products with those of the robot."""
 
@@ -214,7 +217,7 @@ def _described_law(controller: Controller, tick: str) -> dict[str, Any]:
         }
         for parameter, field in read_by(controller.settings, controller.mechanism)
         if parameter.name in (*declared, *FURTHER) and parameter.kind in ('double', 'doubles')
-        and not (parameter.read_only or parameter.name in DERIVED)
+        and not parameter.read_only and parameter.name not in {*DERIVED, _WITHOUT_EFFECT}
     }  # fmt: skip
     return {
         'law': values['law'],

@@ -11,7 +11,7 @@ import sys
 
 from masmc_ros.cli.arguments import add_file, add_json, add_overwrite, add_settings
 from masmc_ros.cli.compile_notice import compile_notice
-from masmc_ros.json_text import with_sizes
+from masmc_ros.json_text import json_text
 from masmc_ros.output_files import check_absent, make_folder, write_file
 from masmc_ros.share import scenario_file
 
@@ -48,10 +48,14 @@ def run(options: argparse.Namespace) -> int:
         page = page_of(scenario_file(options.file), options.set, options.laws, options.file)
     make_folder(path.parent)
     write_file(path, page.html.encode())
+    size = path.stat().st_size
+    if options.json:
+        print(json_text({
+            'file': path, 'bytes': size, 'laws': page.laws, 'omitted': page.omitted,
+        }))  # fmt: skip
+        return 0
     for line in page.omitted:
         print(f'omitted: {line}', file=sys.stderr)
-    print(with_sizes([path], as_json=options.json))
-    if not options.json:
-        print(f'laws: {", ".join(page.laws)}')
-        print(f'Try it: open {path} in a browser')
+    print(f'{path}: {size} bytes; {", ".join(page.laws)}')
+    print(f'Try it: open {path} in a browser')
     return 0

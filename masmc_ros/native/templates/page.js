@@ -281,19 +281,22 @@ async function showDigest(shown) {
 function update() {
   if (due) return;
   due = true;
-  requestAnimationFrame(() => {
-    due = false;
-    run = compute(law, used());
-    legends();
-    document.documentElement.dataset.digest = '';
-    showResults();
-    draw();
-    at('command').textContent = command();
-    history.replaceState(null, '', link());
-    document.documentElement.dataset.drawn ??= Math.round(performance.now());
-    clearTimeout(update.timer);
-    update.timer = setTimeout(showDigest, 60, run);
-  });
+  requestAnimationFrame(refresh);
+}
+
+function refresh() {
+  const { dataset } = document.documentElement;
+  due = false;
+  run = compute(law, used());
+  dataset.digest = '';
+  showResults();
+  legends();
+  draw();
+  at('command').textContent = command();
+  history.replaceState(null, '', link());
+  dataset.drawn ??= Math.round(performance.now());
+  clearTimeout(update.timer);
+  update.timer = setTimeout(showDigest, 60, run);
 }
 
 const number = (value) => (value === undefined ? '–' : value.toPrecision(5));
@@ -545,7 +548,7 @@ async function start() {
   engine = await Engine.load(DESCRIPTION, CODE);
   readLink();
   showSettings();
-  update();
+  refresh();
   at('law').addEventListener('change', () => choose(at('law').value, engine.described.laws[law].switching));
   at('switching').addEventListener('change', () => choose(at('law').value, at('switching').value));
   at('reset').addEventListener('click', () => { setting = {}; showSettings(); update(); });
