@@ -51,7 +51,7 @@ def digest_here(settings: Mapping[str, float | list[float]]) -> str:
     return digest.hexdigest()
 
 
-@pytest.mark.skipif(shutil.which('node') is None, reason='needs Node.js')
+@pytest.mark.skipif(shutil.which('node') is None, reason='Node.js is not installed')
 def test_page_in_node_has_the_bits_of_simulate(page: Path) -> None:
     runs = [json.dumps([LAW, settings]) for settings in RUNS]
     command = ['node', str(SOURCES / 'run_page.mjs'), str(page), *runs]

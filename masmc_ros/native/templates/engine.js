@@ -1,3 +1,6 @@
+// Copyright 2026 The masmc_ros authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Runs of compiled laws and of the plant, in browsers and Node. The names of settings are those of
 // `masmc simulate --set`; values are numbers or arrays of numbers.
 class Engine {

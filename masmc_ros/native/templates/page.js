@@ -1,3 +1,6 @@
+// Copyright 2026 The masmc_ros authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The page around the engine: settings, drawings, comparison and links.
 const at = (id) => document.getElementById(id);
 const COLOURS = ['--blue', '--vermillion', '--green', '--purple', '--orange', '--sky', '--faint'];
@@ -172,12 +175,14 @@ function readLink() {
     if (name === 'law') laws[prefix] = value;
     else if (numbers.every(Number.isFinite)) read[prefix][name] = numbers.length > 1 ? numbers : numbers[0];
   }
-  const { described } = engine, isLaw = (name) => name in described.laws;
-  law = isLaw(laws['']) ? laws[''] : described.own in described.laws ? described.own : Object.keys(described.laws)[0];
+  const { described } = engine, names = Object.keys(described.laws);
+  // A law without a switching term is that with the first one of the page.
+  const known = (name) => names.find((key) => key === name) ?? names.find((key) => key.split(':')[0] === name);
+  law = known(laws['']) ?? known(described.own) ?? names[0];
   // Values that the page does not offer are dropped.
   const clean = (values) => Object.fromEntries(Object.entries(values).filter(([name, value]) => !(name in described.choices) || described.choices[name].some((choice) => choice.value === value)));
   kept = null;
-  if (isLaw(laws['vs.'])) kept = compute(laws['vs.'], clean(read['vs.']));
+  if (known(laws['vs.'])) kept = compute(known(laws['vs.']), clean(read['vs.']));
   setting = clean(read['']);
 }
 

@@ -1,3 +1,6 @@
+// Copyright 2026 The masmc_ros authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Computes runs of a page of `masmc page`, and prints the SHA-256 of the signals of each.
 // usage: node run_page.mjs PAGE.html [LAW, {SETTING: VALUE}] ... (JSON)
 import { createHash } from 'node:crypto';
