@@ -99,7 +99,11 @@ $(DOCS)/.installed: setup.py constraints.txt
 build/docs_assets: tools/docs_assets.sh
 	@tools/docs_assets.sh
 
-docs: $(DOCS)/.installed build/docs_assets
+# A page that computes the paper's runs; the environment of the package compiles it.
+build/docs_assets/paper.html: $(VENV)/.installed $(wildcard masmc_ros/native/templates/*) | build/docs_assets
+	@$(BIN)/masmc page paper --laws all --overwrite --output $@
+
+docs: $(DOCS)/.installed build/docs_assets build/docs_assets/paper.html
 	@rm -rf docs/api  # of an interrupted build
 	@$(DOCS)/bin/python -m sphinx --builder html --quiet --fail-on-warning --keep-going \
 		--doctree-dir build/doctrees docs build/docs

@@ -31,6 +31,7 @@ extensions = [
     'plain_docstrings',
     'repository_links',
     'mermaid_diagrams',
+    'run_links',
     'short_navigation',
 ]
 exclude_patterns = ['_extensions']
@@ -43,7 +44,8 @@ myst_enable_extensions = ['dollarmath', 'amsmath', 'html_image']
 myst_fence_as_directive = ['math', 'mermaid']
 myst_heading_anchors = 4
 
-# tools/docs_assets.sh puts the style sheet and fonts of KaTeX and the script of Mermaid there.
+# tools/docs_assets.sh puts the style sheet and fonts of KaTeX and the script of Mermaid there, the
+# Makefile the page of `masmc page`.
 # The version of KaTeX is that of the script in sphinxcontrib-katex.
 html_static_path = ['_static', '../build/docs_assets']
 katex_prerender = True

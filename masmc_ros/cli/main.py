@@ -42,6 +42,7 @@ COMMANDS = {
     'view': 'show a logged run in Foxglove',
     'layout': 'write the layout for Foxglove with the plots of a robot',
     'library': 'write a controller as a C library for programs without Python',
+    'page': 'write a page that computes runs in a browser',
     'export': 'write logged runs as tables or arrays',
 }
 """Commands and their help; the module `masmc_ros.cli.commands.NAME` contains each, - as _."""

@@ -5,13 +5,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any, NamedTuple
 
 from masmc_ros.aliases import Records
 from masmc_ros.loop import closed_loop
 from masmc_ros.loop.signals import inputs
 from masmc_ros.loop.simulation import Simulation
+from masmc_ros.reference.line_sine import line_sine
 from numba import carray, cfunc, from_dtype, types
 
 Pointer = Any
@@ -28,6 +29,13 @@ class Entry(NamedTuple):
     description: str
 
 
+LIBRARY = ('control_tick', 'settings_changed', 'plant_start', 'plant_tick', 'plant_hold')
+"""Functions of a library."""
+
+PLANT = ('plant_start', 'plant_tick', 'sample_line_sine')
+"""Functions of a page that all laws share."""
+
+
 def records_of(simulation: Simulation) -> dict[str, Records]:
     """Return the records of a simulation by their names in C."""
     controller, plant = simulation.controller, simulation.plant
@@ -37,9 +45,9 @@ def records_of(simulation: Simulation) -> dict[str, Records]:
     }  # fmt: skip
 
 
-def entries(simulation: Simulation) -> dict[str, Entry]:
+def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[str, Entry]:
     """
-    Compile the functions of a library for the records of a simulation, and return them by name.
+    Compile the named functions for the records of a simulation, and return them by name.
 
     Each returns a whole number: the controller the flags of `closed_loop.control_tick`, the plant
     1 if its state is finite, else 0.
@@ -50,7 +58,7 @@ def entries(simulation: Simulation) -> dict[str, Entry]:
     # Flags are whole numbers: other bits of a register with a bool of Numba are not defined.
     number, vector = types.int64, types.CPointer(types.float64)
     kinds = {
-        'int64_t': number, 'const double *': vector, 'double *': vector,
+        'int64_t': number, 'double': types.float64, 'const double *': vector, 'double *': vector,
         **{name: _pointer(record) for name, record in records_of(simulation).items()},
     }  # fmt: skip
     tick, changed, start = (
@@ -60,6 +68,8 @@ def entries(simulation: Simulation) -> dict[str, Entry]:
 
     def exported(name: str, text: str, *arguments: str) -> Callable[[Callable[..., int]], None]:
         def decorate(function: Callable[..., int]) -> None:
+            if name not in names:
+                return
             signature = number(*(kinds[argument] for argument in arguments))
             compiled = cfunc(signature, error_model='numpy')(function)
             found[name] = Entry(compiled, arguments, text)
@@ -100,6 +110,20 @@ def entries(simulation: Simulation) -> dict[str, Entry]:
         return int(start(
             carray(settings, 1), carray(memory, 1), carray(delay_line, line), carray(signals, 1),
         ))
+
+    axes = desired // 3
+
+    @exported(
+        'sample_line_sine', 'Write the reference of a tick on a path line_sine.',
+        'const double *', 'double', 'int64_t', 'double *',
+    )  # fmt: skip
+    def _(table: Pointer, period: float, tick: int, reference: Pointer) -> int:
+        rows, out = carray(table, (5, axes)), carray(reference, desired)
+        for i in range(axes):
+            out[i], out[axes + i], out[2 * axes + i] = line_sine(
+                float(tick) * period, rows[0, i], rows[1, i], rows[2, i], rows[3, i], rows[4, i]
+            )
+        return 0
 
     for name, move, text in (
         ('plant_tick', closed_loop.plant_tick,

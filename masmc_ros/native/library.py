@@ -14,8 +14,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from masmc_ros import __version__
 from masmc_ros.aliases import Records
 from masmc_ros.errors import InputError
-from masmc_ros.jit.record import TAG
-from masmc_ros.jit.sized_records import has_layout
+from masmc_ros.jit.record import AT_RUN_TIME, TAG
 from masmc_ros.json_text import json_text
 from masmc_ros.law.parts.delay_fields import ENABLING
 from masmc_ros.law.parts.model import PAYLOAD
@@ -28,10 +27,11 @@ from masmc_ros.native.object_code import archive, merged, object_of
 from masmc_ros.native.targets import Target
 from masmc_ros.output_files import check_absent, make_folder, write_file
 from masmc_ros.params.declaration import Parameter, Values
+from masmc_ros.robot.mechanisms import mechanism_from
 
 _KINDS = {'f8': 'double', 'i8': 'int64_t'}
 
-_DERIVED = {*PAYLOAD, *ENABLING, 'velocity_source'}
+DERIVED = {*PAYLOAD, *ENABLING, 'velocity_source'}
 """Live parameters that determine other settings, or whose change resets memory."""
 
 
@@ -96,7 +96,7 @@ def write_library(
     }
     for path in paths.values():
         check_absent(path, overwrite=overwrite)
-    simulation = _simulation(values)
+    simulation = exported_simulation(values, 'a library')
     found = entries(simulation)
     functions = {f'{name}_{entry}': function.compiled for entry, function in found.items()}
     text = merged(functions)
@@ -119,31 +119,36 @@ def write_library(
     return list(paths.values())
 
 
-def _simulation(values: Mapping[str, Values]) -> Simulation:
-    """Return the simulation of a scenario at its start; InputError if it cannot leave Python."""
+def exported_simulation(values: Mapping[str, Values], product: str) -> Simulation:
+    """
+    Return the simulation of a scenario at its start, for a product such as 'a library'.
+
+    Raises InputError if the scenario cannot leave Python.
+    """
     control, plant = values['controller'], values['plant']
     if control['approach_on_start'] or not control['active_on_start']:
         raise InputError(
-            'approach_on_start or active_on_start: a library has no approach and is always active;'
-            ' expected approach_on_start false and active_on_start true'
+            f'approach_on_start or active_on_start: {product} has no approach and is always'
+            ' active; expected approach_on_start false and active_on_start true'
         )
     if plant['payload.mass'] and plant['payload.time']:
         raise InputError(
-            f'plant.payload.time = {plant["payload.time"]:g}: the robot of a library has its'
+            f'plant.payload.time = {plant["payload.time"]:g}: the robot of {product} has its'
             ' payload from the start; expected 0'
+        )
+    if AT_RUN_TIME in mechanism_from(plant).sizes:
+        raise InputError(
+            f'robot.urdf: {product} has no records of robots from URDF files;'
+            " expected the paper's robot, with the lengths and masses of robot.*"
         )
     simulation = Simulation(values)
     if simulation.timing.last is None:
-        raise InputError('duration = 0.0: expected a length > 0 s for the example of a library')
-    if has_layout(simulation.controller.settings.dtype):
-        raise InputError(
-            'robot.urdf: the records of robots from URDF files have no C header;'
-            " expected the paper's robot, with the lengths and masses of robot.*"
-        )
+        raise InputError(f'duration = 0.0: expected a length > 0 s for the run of {product}')
     if not simulation.plant.is_compiled:
-        raise InputError(f'plant.physics = {plant["physics"]}: expected rigid for a library')
+        raise InputError(f'plant.physics = {plant["physics"]}: expected rigid for {product}')
     if not simulation.controller.is_compiled:
         raise InputError(f'law = {control["law"]}: it is plain Python, expected a compiled law')
+    simulation.controller.reset()
     return simulation
 
 
@@ -156,7 +161,7 @@ def _described(
     parameters = {
         field: parameter
         for parameter, field in read_by(controller.settings, mechanism)
-        if not (parameter.read_only or parameter.name in _DERIVED)
+        if not (parameter.read_only or parameter.name in DERIVED)
     }
     axes = ', '.join(dict.fromkeys(point.unit for point in mechanism.points))
     signals = {

@@ -14,7 +14,7 @@ Tested with Numba 0.62 to 0.68, whose intermediate code has opaque pointers.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 import re
 from typing import Any
 
@@ -92,22 +92,44 @@ def object_of(text: str, target: Target) -> bytes:
 
     Raises InputError for code that needs Python or memory of the system; see `check`.
     """
-    machine = llvm.Target.from_triple(target.triple).create_target_machine(
-        cpu=target.processor, features=target.features, opt=3, reloc='pic', codemodel='default'
-    )
+    return joined_object([optimised(text, target)], target)
+
+
+def optimised(text: str, target: Target) -> Any:
+    """
+    Return a module for a target, without everything that its exported functions do not need.
+
+    Raises InputError for code that needs Python or memory of the system; see `check`.
+    """
+    machine = _machine(target)
     # The code stores no pointer in a record, so their size in another target does not matter.
     for name, value in (('triple', target.triple), ('datalayout', str(machine.target_data))):
         text = re.sub(rf'^target {name} = .*$', f'target {name} = "{value}"', text, flags=re.M)
     module = llvm.parse_assembly(text)
     passes = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=3))
     passes.getModulePassManager().run(module, passes)
+    check(module)
+    return module
+
+
+def joined_object(modules: Iterable[Any], target: Target) -> bytes:
+    """Return the object code of modules by `optimised`, which are used up."""
+    whole, *others = modules
+    for other in others:
+        whole.link_in(other)
     # Numba numbers its functions, so their names differ between two compilations.
-    for number, thing in enumerate((*module.functions, *module.global_variables)):
+    for number, thing in enumerate((*whole.functions, *whole.global_variables)):
         if thing.linkage in (llvm.Linkage.internal, llvm.Linkage.private):
             thing.name = f'part.{number}'
-    module.verify()
-    check(module)
-    return bytes(machine.emit_object(module))
+    whole.verify()
+    return bytes(_machine(target).emit_object(whole))
+
+
+def _machine(target: Target) -> Any:
+    return llvm.Target.from_triple(target.triple).create_target_machine(
+        cpu=target.processor, features=target.features, opt=3, reloc=target.relocation,
+        codemodel='default',
+    )  # fmt: skip
 
 
 def check(module: Any) -> None:
@@ -119,9 +141,10 @@ def check(module: Any) -> None:
     """
     missing = sorted(set(_undefined(module)) - _AVAILABLE)
     if missing:
+        further = f' and {len(missing) - 2} more' if len(missing) > 2 else ''
         raise InputError(
-            f'the compiled law needs {", ".join(missing)} of Python; expected a law without '
-            'memory of the system and without exceptions, see docs/guides/native.md'
+            f'the compiled law needs {", ".join(missing[:2])}{further} of Python; expected a law '
+            'without memory of the system and without exceptions, see docs/guides/native.md'
         )
     text = str(module)
     for pattern in (_FUSED, _POINTER_IN_STRUCT, _VARIABLE):

@@ -14,6 +14,8 @@ class Target(NamedTuple):
     triple: str
     processor: str
     features: str = ''
+    relocation: str = 'pic'
+    """Model of addresses in LLVM."""
 
 
 TARGETS = {
@@ -24,3 +26,6 @@ TARGETS = {
     'riscv64-linux-gnu': Target('riscv64-unknown-linux-gnu', 'generic-rv64', '+m,+a,+f,+d,+c'),
 }
 """Known targets, named as the GNU tools for them; the first one is the default."""
+
+WEB = Target('wasm32-unknown-unknown', 'generic', '+bulk-memory', 'static')
+"""WebAssembly, for `web_module.web_module`."""

@@ -240,6 +240,8 @@ class PageRun:
                 arguments[arguments.index(option) + 1] = value
         if command == 'compare' and '--laws' not in arguments:
             arguments += ['--laws', 'smc,rasmc']
+        if command == 'page':
+            arguments += ['--laws', 'rasmc:tanh']  # the last one counts
         is_single = command in ('simulate', 'compare')
         is_interpreted = is_shortened and (is_single or arguments[1] in TREES)
         return arguments, is_interpreted

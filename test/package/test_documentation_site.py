@@ -92,3 +92,17 @@ def test_links_to_sources_need_a_repository(
     source = ['See [`x` of the file](../../config/x.yaml#a), and [here](page.md).']
     extension._rewrite_links(app, 'guides/recording', source)
     assert source == [expected]
+
+
+@pytest.mark.parametrize(
+    ('page', 'is_linked'),
+    [('reference/laws/smc', True), ('reference/laws/index', False), ('guides/recording', False)],
+)
+def test_pages_of_laws_link_to_runs_in_the_browser(
+    page: str, is_linked: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(DOCS / '_extensions')
+    source = ['# Title\n\n## Summary\n']
+    importlib.import_module('run_links')._add_link(None, page, source)
+    assert ('_static/paper.html#law=smc' in source[0]) == is_linked
+    assert source[0].endswith('\n## Summary\n')

@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
+import hashlib
 import math
 from pathlib import Path
 import shlex
@@ -124,6 +125,7 @@ def run(options: argparse.Namespace) -> int:
     torques: list[Array] = [np.zeros((0, len(mechanism.joints)))]
     active: list[Flags] = []
     singular, ended, slip = 0, 0, 0.0
+    digest = hashlib.sha256()
     course = Course(mechanism, limits, ticks, simulation.timing.period)
     ends = np.zeros(len(mechanism.joints), dtype=np.bool_)
     progress = tqdm(total=ticks, unit='tick', disable=None if ticks > _PROGRESS_FROM else True)
@@ -137,6 +139,8 @@ def run(options: argparse.Namespace) -> int:
                     _print_size(options.output, writer.size / len(block), ticks)
             if comparison is not None:
                 comparison.compare(block, simulation.timing)
+            if options.json:
+                digest.update(block.signals.tobytes())
             errors.append(block.error)
             active.append(block.active)
             if not block.commands_rates:
@@ -169,6 +173,7 @@ def run(options: argparse.Namespace) -> int:
             'range_end_ticks': ended,
             **course.counts(),
             'fastest_slip': slip if has_contact else None,
+            'signals_sha256': digest.hexdigest(),
             'recomputed': None if comparison is None else comparison.counts(),
             'log': path,
         }))

@@ -1,0 +1,363 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+One page of HTML that computes runs of a parameter file in a browser.
+
+The page contains the compiled laws and the plant as a module of WebAssembly, and their initial
+records. It writes values of live parameters into the records. Settings from which Python derives
+others, such as the control period, have a few values whose records are computed here.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterable, Mapping, Sequence
+import gzip
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from markupsafe import Markup
+from masmc_ros.aliases import Records
+from masmc_ros.compare.contenders import Contender, contenders
+from masmc_ros.errors import InputError
+from masmc_ros.json_text import json_text
+from masmc_ros.law import registry
+from masmc_ros.law.law import Law
+from masmc_ros.loop.controller import Controller
+from masmc_ros.loop.plant_parameters import parameters as plant_parameters
+from masmc_ros.loop.records import read_by
+from masmc_ros.loop.simulation import Simulation
+from masmc_ros.native.entries import entries, PLANT, records_of
+from masmc_ros.native.library import DERIVED, exported_simulation
+from masmc_ros.native.object_code import joined_object, merged, optimised
+from masmc_ros.native.targets import WEB
+from masmc_ros.native.web_module import web_module
+from masmc_ros.params.declaration import Parameter, Values
+from masmc_ros.report.page.template import rendered
+from masmc_ros.robot import mechanisms
+from masmc_ros.scenario.scenario import load_scenario
+
+_TEMPLATES = Path(__file__).parent / 'templates'
+
+MOST_TICKS = 200_000
+"""Ticks of the longest run of a page: their signals are in the memory of the browser."""
+
+CHOICES: Mapping[str, tuple[float, ...]] = {
+    'control_period': (0.0005, 0.001, 0.002, 0.003, 0.004, 0.005, 0.006, 0.008, 0.01),
+    'plant.payload.mass': (0.0, 0.25, 0.5, 1.0, 2.0),
+    'plant.velocity_noise': (0.0, 0.001, 0.002, 0.005, 0.01, 0.02),
+}
+"""Values of settings from which others are derived; that of the file is added."""
+
+_CHOSEN_RECORDS = ('settings', 'plant_settings')
+"""Records that depend on these settings; the plant writes the others at its start."""
+
+SHARED = ('k_s1', 'k_s2', 'sigma', 'gamma')
+"""Gains with a slider for every law."""
+
+FURTHER = ('leakage', 'e_modification', 'dead_zone', 'torque_limit', 'torque_rate_limit')
+"""Further parameters with a slider, which the page shows on request."""
+
+_WITHOUT_EFFECT = 'slip_backoff'
+"""Parameter about slip of the wheels, which this plant lacks."""
+
+SCALE = 'model_scale'
+"""Assumed part of the masses: nominal parameters are its products with those of the robot."""
+
+_DISTURBANCE = 'disturbance.amplitude'
+
+_OTHER_LAWS = ('smc:sign', 'smc:tanh', 'smc:implicit', 'rasmc:tanh', 'rasmc:implicit')
+"""Laws of a page in addition to that of the file."""
+
+_ENDS = {
+    'leakage': 1.0, 'e_modification': 1.0, 'dead_zone': 0.01, SCALE: 2.0,
+    'torque_limit': 50.0, 'torque_rate_limit': 1000.0, 'observer_gain': 1.0,
+}  # fmt: skip
+"""Ends of sliders whose parameters are usually 0 or have a known range."""
+
+_STEPS, _FACTOR = 400, 4.0
+"""Steps of a slider; its end as a multiple of the value of the file."""
+
+
+class Page(NamedTuple):
+    """A page, and laws that it lacks with the reasons."""
+
+    html: str
+    laws: tuple[str, ...]
+    omitted: tuple[str, ...]
+
+
+def page_of(file: str, settings: Sequence[str], laws: str, name: str) -> Page:
+    """
+    Return the page of a parameter file.
+
+    Parameters
+    ----------
+    file
+        Path of the file.
+    settings
+        Settings of the command line, NODE.parameter=VALUE.
+    laws
+        LAW or LAW:SWITCHING, separated by commas; `all`; or '' for the law of the file and a few
+        others. Of `all`, laws that cannot be exported are omitted.
+    name
+        Name of the file in the commands on the page.
+
+    Raises
+    ------
+    InputError
+        If the scenario or a named law cannot leave Python.
+
+    """
+    values = load_scenario(file, settings)
+    simulation = _simulation(values)
+    functions = {name: entry.compiled for name, entry in entries(simulation, PLANT).items()}
+    modules, names = [optimised(merged(functions), WEB)], list(functions)
+    described: dict[str, Any] = {}
+    omitted: list[str] = []
+    for contender in _contenders(laws, simulation):
+        tick = f'law_{len(described)}'
+        try:
+            own = _simulation(load_scenario(file, [*settings, *contender.settings]))
+            function = entries(own, ['control_tick'])['control_tick'].compiled
+            modules.append(optimised(merged({tick: function}), WEB))
+        except InputError as error:
+            if laws != 'all':
+                raise InputError(f'--laws: {contender.label}: {error}') from error
+            omitted.append(f'{contender.label}: {error}')
+            continue
+        names.append(tick)
+        described[contender.label] = _described_law(own.controller, tick)
+    code = web_module(joined_object(modules, WEB), names)
+    description = {
+        'file': name,
+        'settings': list(settings),
+        'own': _contender_of(simulation).label,
+        'laws': described,
+        'choices': _choices(file, settings, values, simulation),
+        'plant': _described_plant(simulation, values),
+    }  # fmt: skip
+    html = rendered(
+        _TEMPLATES / 'page.html',
+        title=Path(file).stem,
+        engine=_script('engine.js'),
+        script=_script('page.js'),
+        description=_packed(json_text(description).encode()),
+        code=_packed(code),
+    )
+    return Page(html, tuple(described), tuple(omitted))
+
+
+def _simulation(values: Mapping[str, Values]) -> Simulation:
+    """Return the simulation of a scenario; InputError if a page cannot show it."""
+    simulation = exported_simulation(values, 'a page')
+    if simulation.plant.mechanism is not mechanisms.DEFAULT:
+        raise InputError(
+            f'robot.mechanism = {simulation.plant.mechanism.name}: a page draws'
+            f' {mechanisms.DEFAULT.name} only'
+        )
+    path = values['trajectory']['type']
+    if path != 'line_sine':
+        raise InputError(f'trajectory.type = {path}: a page computes line_sine only')
+    if simulation.controller.commands_rates or simulation.controller.is_hybrid:
+        raise InputError(
+            f'command_interface = {values["controller"]["command_interface"]}: expected effort'
+            ' for a page'
+        )
+    assert simulation.timing.last is not None
+    if simulation.timing.last >= MOST_TICKS:
+        raise InputError(
+            f'duration = {values["plant"]["duration"]:g}: {simulation.timing.last + 1} ticks;'
+            f' expected at most {MOST_TICKS} for a page'
+        )
+    simulation.trajectory.sample(0, simulation.timing.last + 1)  # checks the reach
+    return simulation
+
+
+def _contenders(laws: str, simulation: Simulation) -> tuple[Contender, ...]:
+    """Return the laws of a page with their switching terms; by default that of the file first."""
+    mechanism, switching = simulation.controller.mechanism, _switching(simulation)
+    names = laws or ','.join([_contender_of(simulation).label, *_OTHER_LAWS])
+    return tuple(dict.fromkeys(
+        contender if contender.switching or not _switches(contender.law)
+        else contender._replace(switching=switching)
+        for contender in contenders(names, mechanism, switching)
+    ))  # fmt: skip
+
+
+def _contender_of(simulation: Simulation) -> Contender:
+    """Return the law of the file."""
+    law = simulation.controller.values['law']
+    return Contender(law, _switching(simulation) if _switches(law) else '')
+
+
+def _switching(simulation: Simulation) -> str:
+    switching: str = simulation.controller.values['switching']
+    return switching
+
+
+def _switches(law: str) -> bool:
+    loaded = registry.load(law)
+    return isinstance(loaded, Law) and loaded.uses_switching
+
+
+def _described_law(controller: Controller, tick: str) -> dict[str, Any]:
+    """Return the records of a law, its function and its parameters with sliders."""
+    values = controller.values
+    law = registry.load(values['law'])
+    declared = [*SHARED, *(p.name for p in getattr(law, 'parameters', ()))]
+    if controller.uses_switching:
+        declared += [p.name for p in registry.REACHING[values['switching']].parameters]
+    parameters = {
+        parameter.name: {
+            'field': field,
+            **_slider(parameter, values[parameter.name]),
+            'is_further': parameter.name not in declared,
+        }
+        for parameter, field in read_by(controller.settings, controller.mechanism)
+        if parameter.name in (*declared, *FURTHER) and parameter.kind in ('double', 'doubles')
+        and not parameter.read_only and parameter.name not in {*DERIVED, _WITHOUT_EFFECT}
+    }  # fmt: skip
+    return {
+        'law': values['law'],
+        'switching': values['switching'] if controller.uses_switching else '',
+        'tick': tick,
+        'settings': _described_record(controller.settings),
+        'memory': _described_record(controller.memory),
+        'parameters': parameters,
+    }
+
+
+def _described_plant(simulation: Simulation, values: Mapping[str, Values]) -> dict[str, Any]:
+    """Return the records of the plant, its path, and names of the signals."""
+    plant, controller = simulation.plant, simulation.controller
+    mechanism, line = plant.mechanism, values['trajectory']
+    amplitude = values['plant'][_DISTURBANCE]
+    sliders = {}
+    if any(amplitude):
+        parameter = next(p for p in plant_parameters(mechanism) if p.name == _DISTURBANCE)
+        sliders[_DISTURBANCE] = {'field': 'amplitude', **_slider(parameter, amplitude)}
+    if controller.values['payload.mass'] == 0.0:
+        scale = next(p for p, _ in read_by(controller.settings, mechanism) if p.name == SCALE)
+        sliders[SCALE] = _slider(scale, controller.values[SCALE])
+    names = ('offset', 'slope', 'amplitude', 'frequency', 'phase')
+    return {
+        'plant_settings': _described_record(plant.settings),
+        'plant_memory': _described_record(plant.memory),
+        'signals': _described_record(plant.signals),
+        'path': [list(line[f'line_sine.{name}']) for name in names],
+        'theta': controller.robot.theta,
+        'sliders': sliders,
+        **_described_grid(simulation),
+        'points': [
+            {'symbol': p.symbol, 'name': p.name, 'first': p.first, 'size': p.size}
+            for p in mechanism.points
+        ],
+        'axes': [axis.name for axis in mechanism.axes],
+        'joints': [joint.short for joint in mechanism.joints],
+        'parameters': [quantity.name.replace('_', ' ') for quantity in mechanism.theta],
+    }
+
+
+def _described_grid(simulation: Simulation) -> dict[str, Any]:
+    assert simulation.timing.last is not None
+    return {
+        'period': simulation.timing.period,
+        'ticks': simulation.timing.last + 1,
+        'delay_line': int(simulation.plant.delayed.size),
+    }
+
+
+def _choices(
+    file: str, settings: Sequence[str], values: Mapping[str, Values], simulation: Simulation
+) -> dict[str, list[dict[str, Any]]]:
+    """
+    Return values of settings, each with the changes of the records that Python derives from it.
+
+    A setting is omitted if its changes depend on the other settings.
+    """
+    choices: dict[str, list[dict[str, Any]]] = {}
+    combined: list[str] = []
+    for name, offered in CHOICES.items():
+        node, dot, parameter = name.partition('.')
+        own = values[node][parameter] if dot else values['plant'][name]
+        levels = set(own) if isinstance(own, tuple) else {own}
+        if len(levels) > 1:
+            continue
+        found = []
+        for value in sorted({*levels, *offered}):
+            try:
+                other = _simulation(load_scenario(file, [*settings, f'{name}={value!r}']))
+            except InputError:
+                continue  # such as a run of more ticks than the browser holds
+            changes = _changes(simulation, other)
+            found.append({'value': value, 'changes': changes, **_described_grid(other)})
+        trial = [*combined, f'{name}={found[-1]["value"]!r}']
+        apart = [chosen[-1]['changes'] for chosen in (*choices.values(), found)]
+        together = _changes(simulation, _simulation(load_scenario(file, [*settings, *trial])))
+        if len(found) > 1 and together == _united(apart):
+            choices[name], combined = found, trial
+    return choices
+
+
+def _changes(base: Simulation, other: Simulation) -> dict[str, dict[str, list[float]]]:
+    """Return the fields of records that differ, by record and field."""
+    first, second = records_of(base), records_of(other)
+    return {
+        record: {
+            field: second[record][field].ravel().tolist()
+            for field in first[record].dtype.names or ()
+            if first[record][field].tobytes() != second[record][field].tobytes()
+        }
+        for record in _CHOSEN_RECORDS
+    }
+
+
+def _united(
+    changes: Iterable[Mapping[str, Mapping[str, list[float]]]],
+) -> dict[str, dict[str, list[float]]]:
+    united: dict[str, dict[str, list[float]]] = {record: {} for record in _CHOSEN_RECORDS}
+    for change in changes:
+        for record, fields in change.items():
+            united[record] |= fields
+    return united
+
+
+def _described_record(record: Records) -> dict[str, Any]:
+    """Return places, sizes and types of the fields of a record, and its bytes."""
+    fields: Mapping[str, tuple[Any, ...]] = record.dtype.fields or {}
+    return {
+        'bytes': base64.b64encode(record.tobytes()).decode(),
+        'fields': {
+            name: [place, max(1, record[name].size), kind.base.str[1:]]
+            for name, (kind, place, *_) in fields.items()
+            if kind.itemsize
+        },
+    }
+
+
+def _slider(parameter: Parameter, value: Any) -> dict[str, Any]:
+    """Return value, range, unit and description of a parameter for a slider."""
+    level = max(value) if isinstance(value, tuple) else value
+    end = _ENDS.get(parameter.name, 0.0)
+    highest = max(_FACTOR * level, end) if end == 0.0 or level > end else end
+    highest = highest or 1.0
+    if parameter.maximum is not None:
+        highest = min(highest, parameter.maximum)
+    lowest = 0.0 if parameter.minimum is None else parameter.minimum
+    step = float(f'{(highest - lowest) / _STEPS:.6g}')
+    return {
+        'value': value, 'unit': parameter.unit, 'description': parameter.description,
+        'lowest': lowest + step if parameter.exclusive_minimum else lowest,
+        'highest': highest, 'step': step,
+    }  # fmt: skip
+
+
+def _script(name: str) -> Markup:
+    return Markup((_TEMPLATES / name).read_text(encoding='utf-8'))
+
+
+def _packed(content: bytes) -> str:
+    """Return compressed bytes as text; the same bytes give the same text."""
+    return base64.b64encode(gzip.compress(content, 9, mtime=0)).decode()
