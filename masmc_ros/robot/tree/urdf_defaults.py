@@ -459,14 +459,18 @@ def _base(
                 ' vertical axes are fixed on the robot, name their joints in robot.held_joints'
             ]
         return [], notes
-    names = [joint.name for joint in wheels]
+    names, links = [joint.name for joint in wheels], tree.description.links
     base = values.get('robot.base')
     kind, reason, of_wheels, error = '', '', '', ''
     more: MutableValues = {}
     if 'robot.roller_angles' in values:
         more['robot.roller_angles'] = values['robot.roller_angles']
     are_parallel = all(abs(tree.axis(joint)[1]) > _PARALLEL for joint in wheels)
-    is_named = any(_is_named(tree, joint, _ANY_WAY) for joint in wheels)
+    is_named = any(
+        _is_named(tree, joint, _ANY_WAY)
+        or any(word in mesh for word in _ANY_WAY for mesh in links[joint.child].meshes)
+        for joint in wheels
+    )
     rolls_any_way = is_named or not are_parallel
     if len(wheels) == 2 and base in (None, 'differential'):
         kind, reason = 'differential', 'two wheels on one axle, the right one first'
