@@ -191,17 +191,19 @@ def test_defaults_four_wheels_mecanum_or_skid_steer(
     np.testing.assert_allclose(angles, math.pi / 4.0 * np.array([-1, 1, 1, -1]))
 
 
-def test_defaults_three_wheels_omnidirectional_base() -> None:
+@pytest.mark.parametrize('count', [3, 5])
+def test_defaults_wheels_around_omnidirectional_base(count: int) -> None:
     wheels = [
         joint(f'wheel_{i}', 'base', f'wheel_{i}_link',
               f'{0.2 * math.cos(a)} {0.2 * math.sin(a)} 0.05',
               f'{math.cos(a)} {math.sin(a)} 0', 'continuous', None)
-        for i, a in enumerate((0.0, 2.0943951, 4.1887902))
+        for i, a in enumerate(2.0 * math.pi / count * np.arange(count))
     ]  # fmt: skip
     values, defaults = chosen(robot(arm(), *wheels))
     assert values['robot.base'] == 'omnidirectional'
-    assert values['robot.wheels'] == ('wheel_0', 'wheel_1', 'wheel_2')
-    reason = next(c.reason for c in defaults.choices if c.parameter == 'robot.wheels')
+    assert values['robot.wheels'] == tuple(f'wheel_{i}' for i in range(count))
+    assert len(values['plant.initial_joints']) == 3 + 6
+    reason = next(c.reason for c in defaults.choices if c.parameter == 'robot.base')
     assert 'assumed perpendicular' in reason
 
 

@@ -459,22 +459,30 @@ def _base(
                 ' vertical axes are fixed on the robot, name their joints in robot.held_joints'
             ]
         return [], notes
-    names = [joint.name for joint in wheels]
+    names, links = [joint.name for joint in wheels], tree.description.links
     base = values.get('robot.base')
     kind, reason, of_wheels, error = '', '', '', ''
     more: MutableValues = {}
     if 'robot.roller_angles' in values:
         more['robot.roller_angles'] = values['robot.roller_angles']
-    rolls_any_way = any(_is_named(tree, joint, _ANY_WAY) for joint in wheels)
+    are_parallel = all(abs(tree.axis(joint)[1]) > _PARALLEL for joint in wheels)
+    is_named = any(
+        _is_named(tree, joint, _ANY_WAY)
+        or any(word in mesh for word in _ANY_WAY for mesh in links[joint.child].meshes)
+        for joint in wheels
+    )
+    rolls_any_way = is_named or not are_parallel
     if len(wheels) == 2 and base in (None, 'differential'):
         kind, reason = 'differential', 'two wheels on one axle, the right one first'
     elif len(wheels) == 3 and base in (None, 'omnidirectional'):
         kind = 'omnidirectional'
         reason = 'three wheels; their rollers are assumed perpendicular (robot.roller_angles)'
-    elif len(wheels) == 4 and (base == 'omnidirectional' or (base is None and rolls_any_way)):
-        kind = 'omnidirectional'
-        reason = 'four mecanum wheels, which move the base in every direction'
-        more.setdefault('robot.roller_angles', _mecanum_angles(tree, wheels))
+    elif len(wheels) > 3 and (base == 'omnidirectional' or (base is None and rolls_any_way)):
+        kind, reason = 'omnidirectional', f'{len(wheels)} wheels for every direction'
+        if are_parallel and len(wheels) == 4:
+            more.setdefault('robot.roller_angles', _mecanum_angles(tree, wheels))
+        elif not more:
+            reason += '; their rollers are assumed perpendicular (robot.roller_angles)'
         of_wheels = (
             'the wheels push the base: forward, sideways and turn have a force or torque each,'
             ' which is distributed to the wheels'
@@ -540,7 +548,7 @@ def _base(
         for choice in choices:
             values.setdefault(choice.parameter, choice.value)
         return choices, notes
-    if base is None and rolls_any_way:
+    if len(wheels) > 3 and base is None and is_named:
         values['robot.base'] = 'omnidirectional'
         reason = (
             f'{len(wheels)} wheels whose names say that they drive it in every direction; it is'
@@ -558,9 +566,7 @@ def _base(
 
 
 def _mecanum_angles(tree: _Tree, wheels: Sequence[Joint]) -> tuple[float, ...]:
-    """Return the usual roller angles of four wheels at the corners; 0 for axles that differ."""
-    if any(abs(tree.axis(joint)[1]) < _PARALLEL for joint in wheels):
-        return (0.0,)
+    """Return the usual roller angles of four mecanum wheels at the corners."""
     centres = np.array([tree.poses[joint.child][1] for joint in wheels])
     ahead, left = (centres - centres.mean(axis=0))[:, :2].T
     angles: list[float] = (-0.25 * math.pi * np.sign(ahead * left)).tolist()
