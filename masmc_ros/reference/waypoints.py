@@ -36,9 +36,18 @@ _QUATERNIONS = Parameter(
 )  # fmt: skip
 
 
+_BASE_FOLLOWS = 'base_follows'
+
+
 def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
     units = ', '.join(dict.fromkeys(axis.unit for axis in mechanism.axes))
     quaternions = () if orientation_of(mechanism) is None else (_QUATERNIONS,)
+    base_follows = () if mechanism.carrier is None else (
+        Parameter(
+            f'waypoints.{_BASE_FOLLOWS}', False,
+            'The points have the coordinates of the end effector only, and the base follows it',
+        ),
+    )  # fmt: skip
     return (
         Parameter(
             'waypoints.times', (0.0,), 'Times at which the path passes the points, ascending',
@@ -50,6 +59,7 @@ def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
             'axis', unit=units,
         ),
         *quaternions,
+        *base_follows,
         Parameter(
             'waypoints.stops', False,
             'Stop at each point and connect the points by straight lines',
@@ -69,7 +79,7 @@ class Waypoints:
         self._knots = np.hstack([points, np.zeros((len(points), 2 * points.shape[1]))])
         if not values['stops']:
             smooth_knots(self._times, self._knots)
-        self._lacks_base: bool = values.get('lacks_base', False)
+        self._lacks_base: bool = values.get(_BASE_FOLLOWS, False)
 
     def complete(self, robot: Robot) -> str:
         """Add the path of the base if the points lack it, and return a sentence on it."""
@@ -87,12 +97,9 @@ class Waypoints:
         own = [axis.name for axis in axes]
         if rotation is not None:
             del own[rotation.axes]
-        base = mechanism.carrier
-        if base is not None and len(values['points']) == len(times) * (len(own) - base.size):
-            # Only the end effector's coordinates; those of the base are added later.
-            tips = np.array(values['points'], dtype=np.float64).reshape(len(times), -1)
-            tips = np.insert(tips, [base.first] * base.size, 0.0, axis=1)
-            values = {**values, 'points': tips.ravel().tolist(), 'lacks_base': True}
+        base = mechanism.carrier if values.get(_BASE_FOLLOWS, False) else None
+        if base is not None:
+            del own[base.axes]
         if not times:
             raise InputError('waypoints.times = []: expected a time for each point')
         for before, time in pairwise(times):
@@ -107,6 +114,11 @@ class Waypoints:
                 f'waypoints.points: {count} numbers; expected {expected}, for each of '
                 f'{len(times)} times one of {", ".join(own)}'
             )
+        if base is not None:
+            # Those of the base are added later.
+            tips = np.array(values['points'], dtype=np.float64).reshape(len(times), -1)
+            tips = np.insert(tips, [base.first] * base.size, 0.0, axis=1)
+            return cls({**values, 'points': tips.ravel().tolist()})
         if rotation is None:
             return cls(values)
         if len(quaternions) != 4 * len(times):

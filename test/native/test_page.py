@@ -12,7 +12,6 @@ from pathlib import Path
 import shutil
 import subprocess
 
-from helpers.javascript_readers import SOURCES
 from helpers.processes import PAPER
 from helpers.webdriver import browser, needs_webdriver
 from masmc_ros.cli.main import main
@@ -54,7 +53,7 @@ def digest_here(settings: Mapping[str, float | list[float]]) -> str:
 @pytest.mark.skipif(shutil.which('node') is None, reason='Node.js is not installed')
 def test_page_in_node_has_the_bits_of_simulate(page: Path) -> None:
     runs = [json.dumps([LAW, settings]) for settings in RUNS]
-    command = ['node', str(SOURCES / 'run_page.mjs'), str(page), *runs]
+    command = ['node', str(Path(__file__).with_name('run_page.mjs')), str(page), *runs]
     output = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60).stdout
     assert output.split() == [digest_here(settings) for settings in RUNS]
 

@@ -98,6 +98,7 @@ def test_file_without_base_is_that_of_waypoints_without_it(tmp_path: Path, suffi
     of_file = Trajectory({**values, 'type': 'file', 'file.path': str(file)}, 0.01, ROBOT)
     points = {
         'type': 'waypoints',
+        'waypoints.base_follows': True,
         'waypoints.times': tuple(row[0] for row in rows),
         'waypoints.points': tuple(number for row in rows for number in row[1:]),
     }
