@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
@@ -38,6 +38,8 @@ class Part:
         first and last log time in ns.
     messages
         number of messages; 0 until the file is complete.
+    counts
+        number of messages by channel; empty until the file is complete.
 
     """
 
@@ -45,6 +47,7 @@ class Part:
     first: int = 0
     last: int = 0
     messages: int = 0
+    counts: Mapping[int, int] = field(default_factory=dict)
 
 
 class RecordedTopic(NamedTuple):

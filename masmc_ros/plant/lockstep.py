@@ -1,21 +1,32 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Lock-step: the plant waits for the command to each state."""
+"""Lock-step: the plant waits for the command to each state, with or without a limit of speed."""
 
 from __future__ import annotations
 
 from masmc_ros.aliases import Array
 from masmc_ros.control.actions import Line, Wait
-from masmc_ros.plant.latest_command import CommandPart
+from masmc_ros.loop.simulated_robot import SimulatedRobot
+from masmc_ros.loop.timing import Timing
+from masmc_ros.params.declaration import Values
+from masmc_ros.plant.latest_command import CommandPart, Commands
 from masmc_ros.plant.plant_core import Actions, AwaitCommand, NOTHING, PlantCore
+
+MAX_REAL_TIME_FACTOR = 'max_real_time_factor'
+
+_LOOK = 1.0
+"""Time in s between two checks of the reason of a wait."""
+
+_CATCH_UP = 0.05
+"""Longest delay in s for which a robot in lock-step with a limit of speed makes up."""
 
 
 class LockStep(PlantCore):
     """Plant that waits for each command, and for a recorder whose queues would overflow."""
 
     text = 'lock-step'
-    timer_period = 1.0
+    timer_period = _LOOK
 
     _single_steps = 0
     _seen_tick = -1
@@ -83,3 +94,50 @@ class LockStep(PlantCore):
         if self._single_steps:
             self._single_steps -= 1
         return self._advance(self.commands.take(), now)
+
+
+class PacedLockStep(LockStep):
+    """
+    Lock-step whose time passes at most `max_real_time_factor` times as fast as real time.
+
+    If messages are late, the time of the robot passes more slowly. A delay of up to 0.05 s is
+    made up for: every tick has its command, so this has no effect on the control.
+    """
+
+    _next = 0.0
+    """Monotonic time in s from which the next tick is allowed."""
+
+    _look = 0.0
+
+    def __init__(
+        self, robot: SimulatedRobot, timing: Timing, values: Values, commands: Commands
+    ) -> None:
+        """Initialise the core as a `PlantCore`."""
+        super().__init__(robot, timing, values, commands)
+        factor = values[MAX_REAL_TIME_FACTOR]
+        self.timer_period = timing.period / factor
+        self.text = f'lock-step at up to {factor:g} of real time'
+
+    def start(self, now: float) -> Actions:
+        """Publish the first state; a tick is allowed a period later."""
+        self._next = now + self.timer_period
+        return super().start(now)
+
+    def on_timer(self, now: float) -> Actions:
+        """Advance if a tick is allowed; once per second, report the reason of a wait."""
+        if now < self._next:
+            return NOTHING
+        if now < self._look:
+            return self._continued(now)
+        self._look = now + _LOOK
+        return super().on_timer(now)
+
+    def _continued(self, now: float) -> Actions:
+        """Apply the available command if a tick is allowed."""
+        if now < self._next:
+            return NOTHING
+        tick = self.robot.tick
+        actions = super()._continued(now)
+        if self.robot.tick != tick:
+            self._next = max(self._next + self.timer_period, now - _CATCH_UP)
+        return actions

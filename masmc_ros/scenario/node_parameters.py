@@ -45,11 +45,23 @@ def shared(mechanism: Mechanism = mechanisms.DEFAULT) -> tuple[Parameter, ...]:
     )
 
 
+def _is_speed_limit(value: float) -> bool:
+    """Return True for a speed that `real_time_factor` may have, and for 0, which is no limit."""
+    return value == 0.0 or value >= 0.01
+
+
 _PLANT_NODE = (
     Parameter(
         'real_time_factor', 1.0,
         'Speed of the simulated time relative to real time, with pacing realtime',
         minimum=0.01, maximum=100.0, read_only=False,
+    ),
+    Parameter(
+        'max_real_time_factor', 0.0,
+        'Largest speed of the simulated time relative to real time, with pacing lockstep; '
+        '0: no limit',
+        minimum=0.0, maximum=100.0, rule=_is_speed_limit,
+        rule_text='0, or a number in [0.01, 100]',
     ),
     Parameter(
         'command_timeout', 0.1,
@@ -91,6 +103,11 @@ _LEAST_PART = 1.0
 def _is_part(value: float) -> bool:
     """Return True for a valid size or time of a part, and for 0, which disables parts."""
     return value == 0.0 or value >= _LEAST_PART
+
+
+def _are_parts(value: float) -> bool:
+    """Return True for a number of parts that keeps a complete one, and for 0, which keeps all."""
+    return value != 1
 
 
 _PART_TEXT = f'0, or a number in [{_LEAST_PART:g}, {_MOST:g}]'
@@ -233,6 +250,11 @@ _RECORDER_NODE = (
         unit='s', minimum=0.0, maximum=_MOST, rule=_is_part, rule_text=_PART_TEXT,
     ),
     Parameter(
+        'max_parts', 0,
+        'Number of parts that are kept, the current one included; older ones are deleted; 0: all',
+        minimum=0, rule=_are_parts, rule_text='0, or an integer >= 2',
+    ),
+    Parameter(
         'queue_size', 64.0,
         'Size of the queue for a slow or full disk; further messages are counted and lost',
         unit='MB', minimum=1.0, maximum=_MOST,
@@ -278,7 +300,13 @@ _PLAY_NODE = (
     ),
     Parameter(
         'recording', '',
-        "File of the recorder of this run, for 'Report this run'; empty: no such button",
+        "File of the recorder of this run, or folder of its parts, for 'Report this run'; "
+        'empty: no such button',
+    ),
+    Parameter(
+        'recorded_time', 0.0,
+        'Robot time that the recording keeps at least, which the page states; 0: the whole run',
+        unit='s', minimum=0.0,
     ),
 )
 

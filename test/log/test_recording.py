@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 import json
 from pathlib import Path
 import subprocess
@@ -13,6 +14,7 @@ import textwrap
 import time
 
 from masmc_ros.errors import InputError
+from masmc_ros.log.bag import part_names
 from masmc_ros.log.offered_qos import Qos
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.log.read.scan import scan
@@ -93,6 +95,24 @@ def test_recording_parts_are_complete_and_form_one_run(options: Options, tmp_pat
         assert bag.message_count == TICKS + len(parts)
         stamps = [time for c, time, _ in bag.messages() if c.topic == '/joint_states']
     assert stamps == [tick * 10**6 for tick in range(TICKS)]
+
+
+def test_recording_oldest_parts_are_deleted(tmp_path: Path) -> None:
+    options = Options(max_size=40_000, max_parts=2, compression='none')
+    recording = record(tmp_path / 'run.mcap', options)
+    names = part_names(recording.path)
+    assert len(names) == 2 == len(list(recording.path.glob('*.mcap')))
+    # The last parts of the same run without a limit.
+    (tmp_path / 'all').mkdir()
+    whole = record(tmp_path / 'all' / 'run.mcap', replace(options, max_parts=0))
+    assert names == part_names(whole.path)[-2:]
+    run = read_run(recording.path)
+    first = int(run.position[0, 0])
+    assert first > 0
+    assert run.position[:, 0].tolist() == list(range(first, TICKS))
+    assert run.parameters == {'controller': {'law': 'smc'}}
+    with AnyReader([recording.path]) as bag:
+        assert bag.message_count == TICKS - first + 2
 
 
 @pytest.mark.parametrize(

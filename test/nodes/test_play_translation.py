@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+import json
 from pathlib import Path
 import socket
 
@@ -19,7 +20,7 @@ from masmc_ros.nodes.play.page import Page
 from masmc_ros.nodes.play.plots import Plots
 from masmc_ros.nodes.play.replay import Replay
 from masmc_ros.nodes.play.run_report import write_report_so_far
-from masmc_ros.nodes.play.samples import SampleWindow, WINDOW
+from masmc_ros.nodes.play.samples import SampleWindow, TimeSpeed, WINDOW
 from masmc_ros.nodes.play.scene import RobotScene
 from masmc_ros.nodes.play.server import is_local, PlayServer
 from masmc_ros.robot.mechanisms import mechanism_from
@@ -67,6 +68,24 @@ def test_window_marks_first_sample_after_each_change() -> None:
         window.append(time, (0.0,))
     # The first change precedes the window; the last one has no sample yet.
     assert window.marks((0.5, 1.5, 3.0, 4.5)).tolist() == [0.0, 1.0, 1.0, 0.0]
+
+
+def test_time_speed_is_that_of_last_seconds() -> None:
+    speed = TimeSpeed()
+    assert speed.text == ''
+    now, robot_time = 10.0, 0.0
+    for rate in (1.0, 0.6):
+        for _ in range(25):
+            speed.add(now, robot_time)
+            now, robot_time = now + 0.2, robot_time + 0.2 * rate
+        assert speed.text == f'time at {rate} of real time'
+    for _ in range(25):
+        # Paused.
+        speed.add(now, robot_time)
+        now += 0.2
+    assert speed.text == 'time at 0.0 of real time'
+    speed.add(now, 0.0)
+    assert speed.text == ''
 
 
 @pytest.mark.parametrize('name', ['paper', 'ur5'])
@@ -219,6 +238,22 @@ def test_report_of_unfinished_recording_is_written(tmp_path: Path) -> None:
     assert recording.stat().st_size == log.stat().st_size - 2000
     with pytest.raises(InputError, match=r'absent\.mcap: .*; is the recorder running\?'):
         write_report_so_far(tmp_path / 'absent.mcap', page)
+
+
+def test_report_of_unfinished_parts_is_written(tmp_path: Path) -> None:
+    log, page = computed_run(tmp_path, 0.5), tmp_path / 'report.html'
+    parts = tmp_path / 'parts'
+    parts.mkdir()
+    (parts / 'parts_8.mcap').write_bytes(log.read_bytes())
+    (parts / 'parts_9.mcap').write_bytes(log.read_bytes()[:-2000])
+    # The recorder has created the next part, and metadata.yaml lists one that it has deleted.
+    (parts / 'parts_10.mcap').touch()
+    files = [f'parts_{number}.mcap' for number in (7, 8, 9, 10)]
+    content = {'rosbag2_bagfile_information': {'relative_file_paths': files}}
+    (parts / 'metadata.yaml').write_text(json.dumps(content))
+    write_report_so_far(parts, page)
+    assert 'parts' in page.read_text()
+    assert len(list(parts.iterdir())) == 4
 
 
 def test_replay_shows_robot_and_signals_of_its_time(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from masmc_ros.loop.simulated_robot import plant_of
 from masmc_ros.loop.timing import LATE_TICKS, Timing
 from masmc_ros.params.declaration import check_all
 from masmc_ros.plant.latest_command import CommandPart, Commands
-from masmc_ros.plant.lockstep import LockStep
+from masmc_ros.plant.lockstep import LockStep, MAX_REAL_TIME_FACTOR, PacedLockStep
 from masmc_ros.plant.plant_core import (
     Actions,
     AwaitCommand,
@@ -115,6 +115,54 @@ def test_lockstep_random_events_one_state_per_command(events: list[str]) -> None
             has_command, steps = False, max(0, steps - 1)
         assert core.stamp == round(core.robot.tick * PERIOD * 1e9)
         assert core.dropped == dropped
+
+
+@FEW
+@given(
+    st.lists(st.tuples(st.floats(0.0, 0.1), st.booleans()), min_size=1, max_size=60),
+    st.sampled_from([0.5, 1.0]),
+)
+def test_lockstep_limited_never_faster_than_limit(
+    waits: list[tuple[float, bool]], factor: float
+) -> None:
+    core = core_of(PacedLockStep, changed={MAX_REAL_TIME_FACTOR: factor})
+    now = 0.0
+    core.start(now)
+    for wait, is_answered in waits:
+        now += wait
+        tick = core.robot.tick
+        actions = command(core, now) if is_answered else core.on_timer(now)
+        # The same command again: a state follows an answer to the previous one only.
+        assert published(actions) == core.robot.tick - tick <= 1
+        assert core.robot.tick * PERIOD <= factor * (now + 0.05) + 1e-9
+
+
+@pytest.mark.parametrize('factor', [1.0, 2.0])
+def test_lockstep_limited_fast_answers_keep_speed(factor: float) -> None:
+    core = core_of(PacedLockStep, changed={MAX_REAL_TIME_FACTOR: factor})
+    core.start(0.0)
+    now = 0.0
+    # Its timer is up to 30 ms late, and answers need 1 ms.
+    for step in range(400):
+        now += core.timer_period if step % 50 else 0.03
+        actions, answered = core.on_timer(now), now
+        while published(actions) or not core.commands.is_complete:
+            answered += 1e-3
+            actions = command(core, answered)
+    assert factor * now - 0.06 < core.robot.tick * PERIOD <= factor * (now + 0.05)
+
+
+def test_lockstep_limited_slow_answers_slow_time_down() -> None:
+    core = core_of(PacedLockStep, changed={MAX_REAL_TIME_FACTOR: 1.0})
+    core.start(0.0)
+    now = 0.0
+    while now < 3.0:
+        now += 2.5 * PERIOD
+        assert published(command(core, now)) == 1
+    assert core.robot.tick * PERIOD == pytest.approx(now / 2.5)
+    # The reason of a wait is reported once per second, as without a limit.
+    reasons = [core.on_timer(now + 0.01 * step) for step in range(250)]
+    assert sum(AwaitCommand('part_0') in actions for actions in reasons) == 2
 
 
 def test_lockstep_two_command_parts_waits_for_both() -> None:

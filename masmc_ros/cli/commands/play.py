@@ -47,10 +47,22 @@ _START = 60.0
 _DECIMATED = ('odom_decimation', 'clock_decimation', 'tf_decimation')
 
 _SETTINGS = (
-    *('-p', 'pacing:=realtime', '-p', 'duration:=0.0'),
+    *('-p', 'pacing:=lockstep', '-p', 'plant:max_real_time_factor:=1.0'),
+    *('-p', 'duration:=0.0'),
     *(word for name in _DECIMATED for word in ('-p', f'plant:{name}:=20')),
 )
-"""Settings of the nodes, which may be set otherwise. Page and report need no transforms."""
+"""
+Settings of the nodes, which may be set otherwise.
+
+On a machine that is too slow the time of the robot passes more slowly, so no torque is held for
+longer than its period. Page and report need no transforms.
+"""
+
+_PART = 60.0
+"""Robot time in s of a part of a recording that ends with the command."""
+
+_PARTS = 6
+"""Number of its parts that are kept, the current one included."""
 
 _POLL = 0.2
 """Time in s between two checks of the nodes."""
@@ -70,7 +82,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = 'port of the page; 0: any free port (%(default)s)'
     parser.add_argument('--port', type=int, default=8090, help=text)
     parser.add_argument('--no-browser', action='store_true', help='open no browser')
-    text = 'record the run into this file; otherwise the recording ends with the command'
+    text = (
+        'record the whole run into this file; otherwise the last '
+        f'{_PART * (_PARTS - 1) / 60.0:g} minutes are kept until the command ends'
+    )
     parser.add_argument('--output', metavar='RUN.mcap', help=text)
     add_overwrite(parser)
     text = 'viewers on other machines may change gains, with --host'
@@ -93,15 +108,16 @@ def run(options: argparse.Namespace) -> int:
     print_choices(file, options.set)
     with TemporaryDirectory(prefix='masmc_play_') as name, private_domain() as domain:
         folder = Path(name)
-        recording = folder / 'run.mcap' if options.output is None else Path(options.output)
+        is_kept = options.output is not None
+        recording = Path(options.output) if is_kept else folder / 'run'
         arguments = ['--ros-args', *_files(file, options.set, folder)]
         arguments += [*_SETTINGS, *settings]
         with suppress(KeyboardInterrupt), node_processes(domain, folder) as nodes:
-            nodes.start(_PAGE, ['--ros-args', *_page_settings(options, recording)])
+            nodes.start(_PAGE, ['--ros-args', *_page_settings(options, recording, is_kept)])
             address = _address(nodes)
             if address is None:
                 return 0
-            nodes.start('recorder', [*arguments, *_recorder_settings(recording)])
+            nodes.start('recorder', [*arguments, *_recorder_settings(recording, is_kept)])
             for node in NODES:
                 nodes.start(node, arguments)
             _announce(address, options)
@@ -160,15 +176,21 @@ def _node_settings(file: str, settings: Sequence[str]) -> list[str]:
     return arguments
 
 
-def _recorder_settings(recording: Path) -> list[str]:
-    """Return the parameters of the recorder."""
-    text = json.dumps(str(recording), ensure_ascii=False)
-    return ['-p', f'recorder:output:={text}', '-p', 'recorder:overwrite:=true']
+def _recorder_settings(recording: Path, is_kept: bool) -> list[str]:
+    """Return the parameters of the recorder; a recording that is not kept has a limit."""
+    text = json.dumps(str(recording.with_suffix('.mcap')), ensure_ascii=False)
+    settings = ['-p', f'recorder:output:={text}', '-p', 'recorder:overwrite:=true']
+    if not is_kept:
+        settings += ['-p', f'recorder:max_duration:={_PART}']
+        settings += ['-p', f'recorder:max_parts:={_PARTS}']
+    return settings
 
 
-def _page_settings(options: argparse.Namespace, recording: Path) -> list[str]:
+def _page_settings(options: argparse.Namespace, recording: Path, is_kept: bool) -> list[str]:
     """Return the parameters of the node `play`."""
     return [
+        '-p',
+        f'recorded_time:={0.0 if is_kept else _PART * (_PARTS - 1)}',
         '-p',
         f'host:={json.dumps(options.host)}',
         '-p',

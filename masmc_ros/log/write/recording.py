@@ -70,6 +70,8 @@ class Options:
         size in bytes after which a new part starts; 0: one file.
     max_duration
         duration in ns of the robot's time after which a new part starts; 0: one file.
+    max_parts
+        number of parts that are kept, and the oldest are deleted; 0: all.
     queue_size
         maximum size in bytes of the messages that wait for the disk.
 
@@ -79,6 +81,7 @@ class Options:
     flush_period: float = 0.2
     max_size: int = 0
     max_duration: int = 0
+    max_parts: int = 0
     queue_size: int = 64_000_000
 
     @property
@@ -151,10 +154,10 @@ class Recording:
         # Last message of each channel that holds.
         self._held: dict[int, bytes] = {}
         self._parts: list[Part] = []
+        self._opened = 0
         # Least robot's time in ns of the current part of a recording in parts.
         self._first: int | None = None
         self._has_messages = False
-        self._counts: Counter[int] = Counter()
         self._queue: deque[Callable[[], object] | tuple[int, list[Message]]] = deque()
         self._queued = self._taken = self._last_channel = 0
         self._stop = threading.Event()
@@ -325,9 +328,10 @@ class Recording:
         """Open the next part."""
         path = self.path
         if self._options.is_split:
-            path = self.path / f'{self.path.name}_{len(self._parts)}.mcap'
+            path = self.path / f'{self.path.name}_{self._opened}.mcap'
         log = LogWriter(path, self._options.compression, live=True)
         self._parts.append(Part(path.name))
+        self._opened += 1
         self._first, self._has_messages = None, False
         self._opening(log)
         return log
@@ -380,11 +384,20 @@ class Recording:
             statistics = log.statistics
             part.first, part.last = statistics.message_start_time, statistics.message_end_time
             part.messages = statistics.message_count
-            self._counts.update(statistics.channel_message_counts)
+            part.counts = statistics.channel_message_counts
+            most = self._options.max_parts or self._opened
+            deleted, self._parts = self._parts[:-most], self._parts[-most:]
+            messages: Counter[int] = Counter()
+            for kept in self._parts:
+                messages.update(kept.counts)
             topics = enumerate(self._topics[:self._last_channel], 1)
-            counted = [(topic, self._counts[number]) for number, topic in topics]
+            counted = [(topic, messages[number]) for number, topic in topics]
             if not self._succeeds(partial(self._write_metadata, counted)):
                 raise InputError(str(self.trouble))
+            for old in deleted:
+                # Another program may have moved it.
+                with suppress(OSError):
+                    (self.path / old.name).unlink()
 
     def _write_metadata(self, topics: list[tuple[RecordedTopic, int]]) -> bool:
         """Describe the folder; note whether the disk takes it, and return True if it does."""

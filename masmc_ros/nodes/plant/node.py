@@ -30,7 +30,7 @@ from masmc_ros.nodes.process.diagnostics import Health, publish_health, Rejected
 from masmc_ros.nodes.process.runtime import run
 from masmc_ros.params.declaration import MutableValues, Values
 from masmc_ros.plant.latest_command import CommandPart, Commands
-from masmc_ros.plant.lockstep import LockStep
+from masmc_ros.plant.lockstep import LockStep, MAX_REAL_TIME_FACTOR, PacedLockStep
 from masmc_ros.plant.plant_core import (
     Actions,
     AwaitCommand,
@@ -82,7 +82,8 @@ class PlantNode(SuiteNode):
         commands = Commands([source.part for source in self._input.sources])
         parts = self._robot, self._timing, self.values, commands
         if self.values['pacing'] == 'lockstep':
-            return LockStep(*parts)
+            is_limited = self.values[MAX_REAL_TIME_FACTOR] > 0.0
+            return PacedLockStep(*parts) if is_limited else LockStep(*parts)
         # If the plant waits for a controller, time starts with its first command.
         return RealTime(*parts, waits=bool(self._wait_for))
 

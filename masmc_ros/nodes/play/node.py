@@ -58,7 +58,7 @@ from masmc_ros.nodes.play.page import (
 from masmc_ros.nodes.play.plant_controls import PlantControls
 from masmc_ros.nodes.play.plots import Plots
 from masmc_ros.nodes.play.report_button import ReportButton
-from masmc_ros.nodes.play.samples import SampleWindow
+from masmc_ros.nodes.play.samples import SampleWindow, TimeSpeed
 from masmc_ros.nodes.play.scene import path_of, RobotScene
 from masmc_ros.nodes.play.server import is_local, PlayServer
 from masmc_ros.nodes.process.base import SuiteNode
@@ -119,11 +119,14 @@ class PlayNode(SuiteNode):
         self._sources: tuple[str, ...] = ()
         self._problems: tuple[str, ...] = ()
         self._described: dict[str, MutableValues] = {}
+        self._report: ReportButton | None = None
         self._shown: ShownRobot | None = None
         self._scene: RobotScene | None = None
         self._plots: Plots | None = None
         self._desired: bytes | None = None
         self._actual = SampleWindow(3, MOST)
+        self._speed = TimeSpeed()
+        self._stamp: float | None = None
         self._is_served = False
         self._updates = 0
 
@@ -144,8 +147,9 @@ class PlayNode(SuiteNode):
         self._plant = PlantControls(
             self._page.server, self.node.resolve_service_name('plant'), self._controls
         )
-        recording = self.values['recording']
-        self._report = ReportButton(self._page.server, Path(recording)) if recording else None
+        if recording := self.values['recording']:
+            kept = self.values['recorded_time']
+            self._report = ReportButton(self._page.server, Path(recording), kept)
         self._parameters = ViewerParameters(self.node, self._controls, self.log.error)
         self._samples = Sampler(self.node)
         for topic, message_type in (
@@ -284,6 +288,8 @@ class PlayNode(SuiteNode):
         self._updates += 1
         if self._updates % SLOW:
             return
+        if self._stamp is not None:
+            self._speed.add(time.monotonic(), self._stamp)
         self._controls.refresh()
         self._plant.refresh()
         if self._report is not None:
@@ -300,6 +306,7 @@ class PlayNode(SuiteNode):
         if not state.load(raw):
             state.load_message(deserialized(raw, JointState))
         stamp = state.stamp_ns / NANOSECONDS
+        self._stamp = stamp
         self._actual.append(stamp, path_of(robot, state.position[None])[0])
         torque = state.effort[-len(robot.mechanism.joints):]
         if self._plots is not None:
@@ -362,7 +369,9 @@ class PlayNode(SuiteNode):
         """Show plots, paths, changes and notices."""
         state = f'controller: {self._state_text}' if self._state_text else 'no controller yet'
         access = () if self._may_command else ('this page shows only; commands are not allowed',)
-        self._controls.show_notices((state, *access, *self._problems, *self._sources))
+        speed = self._speed.text if self._shown is not None and self._shown.plant else ''
+        lines = (state, speed, *access, *self._problems, *self._sources)
+        self._controls.show_notices(tuple(filter(None, lines)))
         changes = list(self._changes)
         self._controls.show_history(tuple(change.text for change in changes[-CHANGES:]))
         if self._plots is not None:

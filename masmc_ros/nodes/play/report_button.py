@@ -11,6 +11,7 @@ from tempfile import TemporaryDirectory
 
 from masmc_ros.child_process import module_command
 from masmc_ros.nodes.play.controls import Controls
+from masmc_ros.nodes.play.page import text_block
 from masmc_ros.nodes.play.server import PlayServer
 from viser import GuiButtonHandle, GuiEvent
 
@@ -29,7 +30,7 @@ class ReportButton:
     viser calls the function of the button on a separate thread; `update` does the work.
     """
 
-    def __init__(self, server: PlayServer, recording: Path) -> None:
+    def __init__(self, server: PlayServer, recording: Path, recorded_time: float) -> None:
         """
         Add the button.
 
@@ -38,7 +39,9 @@ class ReportButton:
         server
             Server of the page.
         recording
-            File of the recorder.
+            File of the recorder, or folder of its parts.
+        recorded_time
+            Robot time in s that the recording keeps; 0: the whole run.
 
         """
         self._server, self._recording = server, recording
@@ -48,6 +51,8 @@ class ReportButton:
         hint = 'Report of what has been recorded so far, as a page that needs no other file'
         self._button = server.gui.add_button(_LABEL, hint=hint, order=5.0)
         self._button.on_click(self._on_click)
+        kept = f'the last {recorded_time / 60.0:g} minutes' if recorded_time else 'the whole run'
+        server.gui.add_html(text_block([f'The recording keeps {kept}.']), order=5.5)
 
     def _on_click(self, event: GuiEvent[GuiButtonHandle]) -> None:
         if event.client_id is not None and self._server.is_own_page(event.client_id):

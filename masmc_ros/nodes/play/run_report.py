@@ -10,6 +10,7 @@ priority, so the node and the control of the robot do not wait for it.
 
 from __future__ import annotations
 
+from contextlib import suppress
 import os
 from pathlib import Path
 import shutil
@@ -17,8 +18,9 @@ import sys
 from tempfile import TemporaryDirectory
 
 from masmc_ros.errors import InputError, UserError
+from masmc_ros.log.bag import part_names
 from masmc_ros.log.read.reader import read_run
-from masmc_ros.log.recover.recover import recover
+from masmc_ros.log.recover.recover import is_complete, recover
 from masmc_ros.report.report import write_page
 
 _LOWEST_PRIORITY = 19
@@ -26,7 +28,7 @@ _LOWEST_PRIORITY = 19
 
 def write_report_so_far(recording: Path, page: Path) -> None:
     """
-    Write the report page of a log that is being recorded.
+    Write the report page of a log, or of a folder of its parts, that is being recorded.
 
     The report is that of a copy, which is completed like the log of a killed recorder.
 
@@ -39,10 +41,22 @@ def write_report_so_far(recording: Path, page: Path) -> None:
     with TemporaryDirectory(dir=page.parent) as folder:
         copy = Path(folder) / recording.name
         try:
-            shutil.copyfile(recording, copy)
+            if recording.is_dir():
+                copy.mkdir()
+                for name in part_names(recording):
+                    # The recorder may delete the oldest part meanwhile.
+                    with suppress(FileNotFoundError):
+                        shutil.copyfile(recording / name, copy / name)
+            else:
+                shutil.copyfile(recording, copy)
         except OSError as error:
             raise InputError(f'{recording}: {error.strerror}; is the recorder running?') from error
-        recover(copy)
+        for part in list(copy.iterdir()) if copy.is_dir() else [copy]:
+            if copy.is_dir() and not part.stat().st_size:
+                # The recorder has just created it.
+                part.unlink()
+            elif not is_complete(part):
+                recover(part)
         write_page(read_run(copy), page)
 
 

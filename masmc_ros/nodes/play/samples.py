@@ -1,10 +1,11 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Samples of a plot in a moving window of time."""
+"""Samples in moving windows of time: those of a plot, and the speed of the robot's time."""
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterable
 
 from masmc_ros.aliases import Array
@@ -13,6 +14,9 @@ from numpy.typing import ArrayLike
 
 WINDOW = 20.0
 """Length of the window in s of robot time."""
+
+_SPAN = 3.0
+"""Length of the window in s of real time for the speed of the robot's time."""
 
 
 class SampleWindow:
@@ -66,3 +70,34 @@ class SampleWindow:
         places = np.searchsorted(self.times, list(times))
         marks[places[(places > 0) & (places < len(marks))]] = 1.0
         return marks
+
+
+class TimeSpeed:
+    """Speed of the robot's time relative to real time, over the last `_SPAN` seconds."""
+
+    def __init__(self) -> None:
+        """Initialise without a time."""
+        self._times: deque[tuple[float, float]] = deque()
+
+    def add(self, now: float, robot_time: float) -> None:
+        """
+        Add the robot's time in s at a monotonic time `now` in s.
+
+        An earlier time of the robot clears the window: the robot was reset.
+        """
+        times = self._times
+        if times and robot_time < times[-1][1]:
+            times.clear()
+        times.append((now, robot_time))
+        while now - times[0][0] > _SPAN:
+            times.popleft()
+
+    @property
+    def text(self) -> str:
+        """Line about the speed; empty within the first second."""
+        if not self._times:
+            return ''
+        (start, first), (end, last) = self._times[0], self._times[-1]
+        if end - start < 1.0:
+            return ''
+        return f'time at {(last - first) / (end - start):.1f} of real time'

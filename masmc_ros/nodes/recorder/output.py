@@ -103,6 +103,7 @@ def open_recording(
         flush_period=values['flush_period'],
         max_size=round(values['max_size'] * MEGABYTE),
         max_duration=round(values['max_duration'] * NANOSECONDS),
+        max_parts=values['max_parts'],
         queue_size=round(values['queue_size'] * MEGABYTE),
     )
     output = Path(values['output'])
