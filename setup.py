@@ -84,7 +84,6 @@ setup(
         ],
         'identify': ['clarabel>=0.11,<0.12', 'scipy'],
         'learning': ['gymnasium>=1.1,<2', 'scipy'],
-        'live': ['foxglove-sdk>=0.30,<0.31'],
         'mujoco': ['mujoco-core>=4.0,<4.1'],
         'parquet': ['pyarrow'],
         'paths': ['ruckig>=0.19,<0.20', 'scipy', 'toppra>=0.6.10,<0.7'],
@@ -96,7 +95,6 @@ setup(
         'test': [
             'clarabel>=0.11,<0.12',
             'distributed',
-            'foxglove-sdk>=0.30,<0.31',
             'gymnasium>=1.1,<2',
             'hypothesis',
             'mpmath',

@@ -77,12 +77,6 @@ def generate_launch_description() -> LaunchDescription:
             description='Run all nodes in one process.',
         ),
         DeclareLaunchArgument(
-            'live',
-            default_value='false',
-            choices=SWITCH,
-            description='Serve Foxglove (ws://127.0.0.1:8765) until interrupted.',
-        ),
-        DeclareLaunchArgument(
             'use_sim_time',
             default_value='false',
             choices=SWITCH,
@@ -119,10 +113,8 @@ def _nodes(context: LaunchContext) -> list[object]:
             settings[name]['pacing'] = argument('pacing')
     if record:
         settings['recorder']['output'] = argument('output')
-    if is_on('live'):
-        settings['live'] = {}
     for name in settings:
-        if argument('frame_prefix') and name != 'live':
+        if argument('frame_prefix'):
             settings[name]['frame_prefix'] = argument('frame_prefix')
         settings[name]['use_sim_time'] = is_on('use_sim_time')
     # Names of the nodes by executable.

@@ -17,7 +17,6 @@ from masmc_ros.errors import UserError
 PACKAGES = {
     'clarabel': 'clarabel',
     'distributed': 'distributed',
-    'foxglove': 'foxglove-sdk',
     'gymnasium': 'gymnasium',
     'lz4': 'lz4',
     'mcap': 'mcap',

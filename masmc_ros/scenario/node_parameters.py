@@ -272,20 +272,6 @@ def _port(default: int) -> Parameter:
     )
 
 
-_LIVE_NODE = (
-    _HOST,
-    _port(8765),
-    Parameter(
-        'rate', 60.0, 'Rate at which viewers receive the topics that are published every tick',
-        unit='Hz', minimum=1.0, maximum=1000.0,
-    ),
-    Parameter(
-        'max_viewers', 16,
-        'Number of viewers that receive messages; further viewers wait until one disconnects',
-        minimum=1, maximum=1000,
-    ),
-)
-
 _PLAY_NODE = (
     _HOST,
     _port(8090),
@@ -323,7 +309,6 @@ _DECLARED: dict[str, Callable[[Mechanism], tuple[Parameter, ...]]] = {
         *shared(kind), *registry.parameters(kind), *_controller_node(kind)
     ),
     'recorder': lambda kind: (*TIMING, *PREFIX, *_RECORDER_NODE),
-    'live': lambda kind: _LIVE_NODE,
     'play': lambda kind: _PLAY_NODE,
 }
 """Parameters of the nodes for a mechanism."""

@@ -364,7 +364,7 @@ def test_recorder_existing_log_kept(tmp_path: Path, masmc: Masmc) -> None:
     ('arguments', 'word'),
     [
         (('run', 'plantt'), 'did you mean plant'),
-        (('run', 'xyzzy'), 'plant, trajectory, controller, recorder, live, play, composed'),
+        (('run', 'xyzzy'), 'plant, trajectory, controller, recorder, play, composed'),
         (('simulat', PAPER), 'simulate'),
         (('simulate',), '--help'),
         (('run',), '--help'),

@@ -23,7 +23,7 @@ import subprocess
 import sys
 import tempfile
 
-SERVED = {'live': 'foxglove', 'play': 'viser'}
+SERVED = {'play': 'viser'}
 """Nodes that listen on a port, with the optional module of each."""
 
 PATIENCE = 180.0

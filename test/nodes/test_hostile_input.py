@@ -22,7 +22,7 @@ from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
 from rosgraph_msgs.msg import Clock
 
-NODES = ('plant', 'trajectory', 'controller', 'recorder', 'live', 'play')
+NODES = ('plant', 'trajectory', 'controller', 'recorder', 'play')
 
 COMPILED = ('law', 'switching', 'type', 'velocity_source')
 """Parameters whose changes compile code, which takes minutes; other tests change them."""
@@ -35,7 +35,6 @@ def survive(folder: Path, *, seed: int, seconds: float, **settings: object) -> N
             duration=0.0,
             control_period=0.002,
             plant__wait_for='[]',
-            live__port=0,
             play__port=0,
             recorder__output=folder / 'run.mcap',
             **BOUNDED,

@@ -11,8 +11,8 @@ import signal
 
 from helpers.log_contents import LogContents, read_log
 from helpers.processes import NODES, PAPER, peer, processes, ros_arguments
+from helpers.state_transforms import StateTransforms
 from masmc_ros.cli.main import main
-from masmc_ros.nodes.live.state_transforms import StateTransforms
 from masmc_ros.scenario.scenario import load_scenario
 import pytest
 from std_msgs.msg import String

@@ -11,7 +11,7 @@ import signal
 import sys
 
 from helpers.processes import BOUNDED, PAPER, peer, processes, ros_arguments
-from masmc_ros.nodes.live.state_transforms import StateTransforms
+from helpers.state_transforms import StateTransforms
 from masmc_ros.robot.robot import robot_description
 from masmc_ros.scenario.scenario import load_scenario
 from nav_msgs.msg import Path

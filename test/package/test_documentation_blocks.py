@@ -115,7 +115,7 @@ def _ros2(words: Sequence[str], folder: Path) -> None:
             assert topic in {t.name for t in TOPICS} | {f'/{t.name}' for t in TOPICS}
         case ['topic', 'pub', '--once', topic, kind, text]:
             read_path(topic.lstrip('/'), typed_message(kind, text))
-        case ['bag', *_]:
+        case ['bag', *_] | ['run', 'foxglove_bridge', *_]:
             pass  # another package
         case _:
             pytest.fail(f'unchecked: {shlex.join(words)}')
@@ -184,7 +184,7 @@ def test_commands_in_text_have_valid_arguments(page: Path, tmp_path: Path) -> No
         'ros2 topic pub --once /trajectory/joint_trajectory trajectory_msgs/msg/JointTrajectory '
         '"{joint_names: [arm_joint_3], points: [{positions: [1.0]}]}"',
         'make everything',
-        'pip install foxglove',
+        'pip install visor',
         'python -m benchmarks.none',
         'python tools/none.py',
     ],

@@ -57,7 +57,7 @@ def test_shared_file_foreign_parameters_are_reported_and_ignored(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('node', ['plant', 'controller', 'trajectory', 'recorder', 'live', 'play'])
+@pytest.mark.parametrize('node', ['plant', 'controller', 'trajectory', 'recorder', 'play'])
 def test_shared_file_nodes_report_foreign_parameters(
     shared: Path, tmp_path: Path, node: str
 ) -> None:

@@ -13,8 +13,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
-from masmc_ros.messages.joint_state import JointStateCdr
-from masmc_ros.nodes.live.state_transforms import StateTransforms
 from masmc_ros.robot.joint_names import check_frame_prefix
 from masmc_ros.robot.robot import Robot
 from masmc_ros.robot.tree.frames import world_of
@@ -24,7 +22,6 @@ from masmc_ros.robot.two_link.frames import (
     frame_transforms,
 )
 from masmc_ros.robot.two_link.paper_robot import FRAMES, TWO_LINK
-from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
@@ -160,30 +157,6 @@ def test_tree_frames_held_joint_above_base_equal_dynamics(kind: str, axis: str) 
         np.testing.assert_allclose(offset, frame.offset, rtol=0.0, atol=1e-14)
     expected = mechanism.robot.tree.offset[1]
     np.testing.assert_allclose(places['turret'][1], expected, rtol=0.0, atol=1e-14)
-
-
-def state_at(tick: int) -> bytes:
-    """Return a joint state at a tick of 1 ms."""
-    state = JointStateCdr()
-    state.set_stamp(tick * 1_000_000)
-    state.position[:] = np.arange(7)
-    return state.to_bytes()
-
-
-def test_state_transforms_are_decimated_as_in_plant() -> None:
-    values = load_scenario(str(PAPER), ['duration=0.01', 'plant.tf_decimation=4'])['plant']
-    transforms = StateTransforms(values)
-    made = [transforms.of_state(state_at(tick)) is not None for tick in range(11)]
-    assert [tick for tick in range(11) if made[tick]] == [0, 4, 8, 10]
-    none = StateTransforms({**values, 'tf_decimation': 0})
-    assert none.of_state(state_at(0)) is None
-
-
-def test_state_transforms_other_joints_return_none() -> None:
-    transforms = StateTransforms(load_scenario(str(PAPER))['plant'])
-    other = state_at(0).replace(b'arm_joint_1', b'elbow_joint')
-    assert transforms.of_state(other) is None
-    assert transforms.of_state(state_at(0)) is not None
 
 
 @pytest.mark.parametrize('prefix', ['/left/', 'my robot/', 'left\n', '\x00'])

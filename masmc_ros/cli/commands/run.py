@@ -27,7 +27,6 @@ NODES = {
     'trajectory': 'Reference along a path, published ahead of the robot.',
     'controller': 'Control law: responds to each state of the robot with a command.',
     'recorder': 'Recorder: writes all messages of a run unmodified into an MCAP file.',
-    'live': 'View of a running robot in Foxglove, with its adjustable parameters.',
     'play': 'Page with a running robot in 3D, plots and sliders of its gains.',
     'composed': 'Plant, trajectory and controller in one process.',
 }

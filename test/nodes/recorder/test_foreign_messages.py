@@ -241,11 +241,10 @@ def test_nodes_random_messages_during_run_no_node_exits(tmp_path: Path) -> None:
         'duration': 0.0,
         'controller__pose_source': 'odom',
         'trajectory__start_time': -1.0,
-        'live__port': 0,
         **BOUNDED,
     }
     with processes(tmp_path) as started, peer(started.domain) as tester:
-        nodes = started.start_all(*ros_arguments(**settings), nodes=(*NODES, 'live'))
+        nodes = started.start_all(*ros_arguments(**settings), nodes=NODES)
         sender = Sender(tester, log, list(TYPES))
         listened = [t for t in TYPES if t not in ('cmd_vel', 'arm_velocity_commands')]
         for topic in listened:

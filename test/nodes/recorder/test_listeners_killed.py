@@ -20,7 +20,7 @@ import pytest
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
-KINDS = ('recorder', 'controller', 'trajectory', 'live', 'listener')
+KINDS = ('recorder', 'controller', 'trajectory', 'listener')
 AT_ONCE = 4
 LONGEST = 1.5
 """Maximum lifetime of a subscriber in s: kills occur before, during and after its setup."""
@@ -43,8 +43,6 @@ def listener(started: Subprocesses, kind: str, folder: Path, number: int) -> Any
     settings: dict[str, object] = {'duration': 0.0}
     if kind == 'recorder':
         settings['recorder__output'] = folder / f'{number}.mcap'
-    if kind == 'live':
-        settings['live__port'] = 0
     return started.start(kind, *ros_arguments(PAPER, **settings, **BOUNDED))
 
 
