@@ -12,6 +12,7 @@ from pathlib import Path
 import shutil
 import subprocess
 
+from helpers import small_tree
 from helpers.processes import PAPER
 from helpers.webdriver import browser, needs_webdriver
 from masmc_ros.cli.main import main
@@ -100,6 +101,8 @@ def test_page_that_cannot_be_computed_is_one_line(
 def test_page_of_urdf_robot_is_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(['page', 'tiago', '--output', str(tmp_path / 'page.html')]) == 2
+    file, page = tmp_path / 'small.urdf', tmp_path / 'page.html'
+    file.write_text(small_tree.URDF, encoding='utf-8')
+    assert main(['page', str(file), '--output', str(page)]) == 2
     assert 'robot.urdf: a page has no records of robots from URDF' in capsys.readouterr().err
-    assert not list(tmp_path.iterdir())
+    assert not page.exists()
