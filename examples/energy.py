@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A metric of one's own: the energy that the drives take from the battery, for three gains."""
+"""A custom metric: the energy that the drives take from the battery, for three gains."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-A node of one's own: it reads a topic of the controller, and prints the largest error.
+A custom node: it reads a topic of the controller, and prints the largest error.
 
 Start it before or beside the nodes of the suite, in the same ROS domain. It prints a line for each
 second of the robot's time, and ends 2 s after the last message.

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A path of one's own: the end effector draws a Lissajous figure, and the platform stands."""
+"""A custom path: the end effector draws a Lissajous figure, and the platform stands."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-A law of one's own: sliding mode control with the power rate reaching law of Gao and Hung 1993.
+A custom law: sliding mode control with the power rate reaching law of Gao and Hung 1993.
 
 u = -k_1 s - k_2 sqrt|s| sign(s)
 

@@ -33,7 +33,7 @@ RUNS: tuple[dict[str, float | list[float]], ...] = (
         'controller.gamma': 0.37, 'controller.torque_limit': 10.0,
     },
 )  # fmt: skip
-"""Settings of which each kind occurs: derived by Python, scaled, and written to records."""
+"""Settings of each kind: derived by Python, scaled, and written to records."""
 
 
 @pytest.fixture(scope='module')

@@ -104,7 +104,7 @@ def request(draw: Generator, loop: Followed, eight: Trajectory) -> PathRequest:
 
 
 @pytest.mark.parametrize('scale', [0.5, 2.0])
-def test_every_tick_of_random_paths_has_a_smooth_reference_that_is_followed(scale: float) -> None:
+def test_random_paths_reference_is_smooth_and_followed(scale: float) -> None:
     values = node_values(
         {'control_period': PERIOD, 'duration': 0.0},
         plant={'command_delay': LATENCY},

@@ -85,7 +85,7 @@ def test_reference_windows_adjacent_windows_are_interpolated() -> None:
     assert windows.at(19 * MS + MS // 2) is None
 
 
-def test_reference_windows_newest_window_is_used_from_its_start_on() -> None:
+def test_reference_windows_newest_used_from_its_start() -> None:
     """A path that starts within a window replaces the rest of it, and holds before and after."""
     windows = ReferenceWindows(4)
     old, new = np.zeros((101, 12)), np.ones((21, 12))
