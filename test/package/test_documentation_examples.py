@@ -6,7 +6,7 @@ Blocks of README.md and docs/ are run, page by page, in a separate folder and RO
 
 - Python: a block that starts with `# NAME.py` is written to this file and imported; `--controller`
   reads the file. With lines
-  `...` it is an excerpt of test/helpers/NAME.py. A block that starts with `# in masmc_ros/NAME.py`
+  `...` it is an excerpt of examples/NAME.py. A block that starts with `# in masmc_ros/NAME.py`
   uses the names of this module. `setup(...)` installs entry points. Other blocks share names.
 - YAML: a block that starts with `# NAME.yaml` is written to this file, or appended to it.
 - Shell: `masmc` commands, and their equivalents `ros2 run` and `ros2 param`. Simulations are
@@ -111,7 +111,7 @@ class PageRun:
             return
         named = FIRST_LINE.match(example.parsed)
         if named and re.search(r'^\s*\.\.\.$', example.parsed, re.MULTILINE):
-            source = ROOT / 'test' / 'helpers' / named[1]
+            source = ROOT / 'examples' / named[1]
             self._check_excerpt(source, example.parsed)
             shutil.copy(source, self._site)
             importlib.invalidate_caches()
