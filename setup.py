@@ -82,6 +82,7 @@ setup(
             f'ros-jazzy-rclpy[fastrtps]; {WHEELS}',
             f'ros-jazzy-common-interfaces; {WHEELS}',
         ],
+        'completion': ['argcomplete'],
         'identify': ['clarabel>=0.11,<0.12', 'scipy'],
         'learning': ['gymnasium>=1.1,<2', 'scipy'],
         'mujoco': ['mujoco-core>=4.0,<4.1'],
@@ -93,6 +94,7 @@ setup(
         'cluster': ['distributed', 'pyarrow', 'scipy'],
         'tune': ['optuna>=5,<6', 'scipy'],
         'test': [
+            'argcomplete',
             'clarabel>=0.11,<0.12',
             'distributed',
             'gymnasium>=1.1,<2',

@@ -64,6 +64,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Without `arguments` those of the process are used, which ends with this status.
     """
     is_process = arguments is None
+    if is_process and '_ARGCOMPLETE' in os.environ:
+        from masmc_ros.cli.completion import complete
+
+        return complete(parser_for)
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     name = ' '.join(['masmc', *arguments[:1]])
     if is_process:

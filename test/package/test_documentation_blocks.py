@@ -40,7 +40,9 @@ import yaml
 
 each_page = pytest.mark.parametrize('page', PAGES, ids=page_name)
 COMPOSED = ('plant', 'trajectory', 'controller', 'recorder')
-UNCHECKED = {'git', 'cd', './example', '.', 'dask', 'rosdep', 'colcon', 'ssh', 'rviz2', 'sudo'}
+UNCHECKED = {
+    'git', 'eval', 'cd', './example', '.', 'dask', 'rosdep', 'colcon', 'ssh', 'rviz2', 'sudo'
+}
 """Commands of other programs, which use nothing of this repository."""
 
 

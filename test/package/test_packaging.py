@@ -25,6 +25,7 @@ SETUP = (ROOT / 'setup.py').read_text(encoding='utf-8')
 CONSTRAINTS = (ROOT / 'constraints.txt').read_text(encoding='utf-8')
 
 ROSDEP = {
+    'argcomplete': 'python3-argcomplete',
     'jinja2': 'python3-jinja2',
     'llvmlite': 'python3-numba',
     'markupsafe': 'python3-jinja2',
