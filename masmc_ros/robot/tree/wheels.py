@@ -157,6 +157,11 @@ class Wheels:
         weighted = efforts[:, None] * self.matrix
         return efforts[:, None] * _inverse(weighted, 'robot.wheels').T
 
+    @cached_property
+    def _limits(self) -> NDArray[np.float64]:
+        """Limits (N) of the torques in N·m, infinite without one."""
+        return np.array([joint.effort or math.inf for joint in self.joints])
+
     def rates_of(self, motion: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the rates (n, N) of all wheels for rates (n, rates) of the base."""
         return _products(self.matrix, motion)
@@ -184,7 +189,7 @@ class Wheels:
         """
         if not self.push_base:
             return _products(self._shares, forces)
-        limits = np.array([joint.effort or math.inf for joint in self.joints])
+        limits = self._limits
         torques = _products(self._weighted, forces)
         if len(limits) == self.matrix.shape[1] + 1:
             idle = self._idle
@@ -205,7 +210,7 @@ class Wheels:
             inside[beyond] = np.clip(torques[beyond], -limits, limits)
         return inside
 
-    @property
+    @cached_property
     def _idle(self) -> NDArray[np.float64]:
         """Torques of one wheel more than rates, three, that have no force: G' idle = 0."""
         minors = [np.delete(self.matrix, wheel, axis=0) for wheel in range(len(self.joints))]
@@ -223,7 +228,7 @@ class Wheels:
             for wheel in others
         }
 
-    @property
+    @cached_property
     def _shares(self) -> NDArray[np.float64]:
         """
         Torques (N, drives) of the wheels per torque of the drives.
