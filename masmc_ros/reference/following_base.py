@@ -95,8 +95,24 @@ def follow_tip(
     return union, whole
 
 
-def base_note(robot: Robot, knots: Array) -> str:
-    """Return a sentence on a path (n, 3 axes) to which that of the carrier was added."""
+class KnotPath:
+    """Type of trajectory through knots that may lack the axes of the carrier."""
+
+    _times: Array
+    """Times (n) in s."""
+    _knots: Array
+    """Knots (n, 3 axes) with derivatives."""
+    _lacks_base: bool
+
+    def complete(self, robot: Robot) -> str:
+        """Add the path of the base if the knots lack it, and return a sentence on it."""
+        if not self._lacks_base:
+            return ''
+        self._times, self._knots = follow_tip(robot, self._times, self._knots)
+        return _note(robot, self._knots)
+
+
+def _note(robot: Robot, knots: Array) -> str:
     mechanism = robot.mechanism
     assert mechanism.carrier is not None
     x, y = knots[0, mechanism.carrier.plane]

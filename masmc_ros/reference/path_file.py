@@ -22,11 +22,10 @@ from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.optional import remedy
 from masmc_ros.params.declaration import Parameter, Values
-from masmc_ros.reference.following_base import base_note, follow_tip
+from masmc_ros.reference.following_base import KnotPath
 from masmc_ros.reference.minimum_jerk import sample_knots, smooth_knots
 from masmc_ros.reference.reference import Declared
 from masmc_ros.robot.declaration import Mechanism, Quantity
-from masmc_ros.robot.robot import Robot
 import numpy as np
 
 _ON_POINT = 2e-9
@@ -51,7 +50,7 @@ _MOST_BYTES = 2_000_000_000
 """Largest size of a file; a million points of 18 axes take 1 GB."""
 
 
-class PathFile:
+class PathFile(KnotPath):
     """Motion through the points of a file, which holds the first and the last point."""
 
     parameters: ClassVar[Declared] = (
@@ -120,13 +119,6 @@ class PathFile:
             'times': times, 'knots': np.ascontiguousarray(knots), 'place': place,
             'lacks_base': lacks_base,
         })
-
-    def complete(self, robot: Robot) -> str:
-        """Add the path of the base if the file lacks it, and return a sentence on it."""
-        if not self._lacks_base:
-            return ''
-        self._times, self._knots = follow_tip(robot, self._times, self._knots)
-        return base_note(robot, self._knots)
 
     def sample(self, times: Array) -> Array:
         """

@@ -21,12 +21,11 @@ from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError
 from masmc_ros.params.declaration import Parameter, Values
 from masmc_ros.params.text import yaml_text
-from masmc_ros.reference.following_base import base_note, follow_tip
+from masmc_ros.reference.following_base import KnotPath
 from masmc_ros.reference.minimum_jerk import sample_knots, smooth_knots
 from masmc_ros.reference.reference import Declared
 from masmc_ros.reference.rotations import continued_vectors, orientation_of
 from masmc_ros.robot.declaration import Mechanism
-from masmc_ros.robot.robot import Robot
 import numpy as np
 
 _QUATERNIONS = Parameter(
@@ -67,7 +66,7 @@ def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
     )  # fmt: skip
 
 
-class Waypoints:
+class Waypoints(KnotPath):
     """Motion that holds the first point until its time, passes the others, and holds the last."""
 
     parameters: ClassVar[Declared] = staticmethod(_parameters)
@@ -80,13 +79,6 @@ class Waypoints:
         if not values['stops']:
             smooth_knots(self._times, self._knots)
         self._lacks_base: bool = values.get(_BASE_FOLLOWS, False)
-
-    def complete(self, robot: Robot) -> str:
-        """Add the path of the base if the points lack it, and return a sentence on it."""
-        if not self._lacks_base:
-            return ''
-        self._times, self._knots = follow_tip(robot, self._times, self._knots)
-        return base_note(robot, self._knots)
 
     @classmethod
     def of(cls, values: Values, mechanism: Mechanism) -> Waypoints:
