@@ -71,8 +71,8 @@ def contenders(names: str, mechanism: Mechanism, own: str) -> tuple[Contender, .
         if colon and switching not in registry.SWITCHING:
             hint = suggestion(switching, registry.SWITCHING)
             raise InputError(f"--laws: '{switching}' in '{name}' is unknown; {hint}")
-        loaded = registry.load_for(law, mechanism)
-        if colon and not (isinstance(loaded, Law) and loaded.uses_switching):
+        registry.load_for(law, mechanism)
+        if colon and not registry.uses_switching(law):
             raise InputError(f"--laws: '{name}': {law} has no reaching term; write {law}")
         selected.append(Contender(law, switching))
     return tuple(dict.fromkeys(selected))
@@ -88,8 +88,7 @@ def marked(chosen: Iterable[Contender], controller: Values) -> tuple[Contender, 
 
 
 def _is_implicit(contender: Contender, own: str) -> bool:
-    law = registry.load(contender.law)
-    is_switched = isinstance(law, Law) and law.uses_switching
+    is_switched = registry.uses_switching(contender.law)
     return is_switched and (contender.switching or own) == IMPLICIT.name
 
 

@@ -130,6 +130,12 @@ def load(name: str) -> Law | type[PlugInLaw]:
     return law
 
 
+def uses_switching(name: str) -> bool:
+    """Return True for a law with a reaching term; InputError if a plug-in cannot be loaded."""
+    law = load(name)
+    return isinstance(law, Law) and law.uses_switching
+
+
 def load_for(name: str, mechanism: Mechanism) -> Law | type[PlugInLaw]:
     """
     Return the law of this name for a robot.

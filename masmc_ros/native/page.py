@@ -23,7 +23,6 @@ from masmc_ros.compare.contenders import Contender, contenders
 from masmc_ros.errors import InputError
 from masmc_ros.json_text import json_text
 from masmc_ros.law import registry
-from masmc_ros.law.law import Law
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.plant_parameters import parameters as plant_parameters
 from masmc_ros.loop.records import read_by
@@ -34,6 +33,7 @@ from masmc_ros.native.object_code import joined_object, merged, optimised
 from masmc_ros.native.targets import WEB
 from masmc_ros.native.web_module import web_module
 from masmc_ros.params.declaration import Parameter, Values
+from masmc_ros.params.sliders import FACTOR, level_of, range_up_to
 from masmc_ros.report.page.template import rendered
 from masmc_ros.robot import mechanisms
 from masmc_ros.scenario.scenario import load_scenario
@@ -75,9 +75,6 @@ _ENDS = {
     'torque_limit': 50.0, 'torque_rate_limit': 1000.0, 'observer_gain': 1.0,
 }  # fmt: skip
 """Ends of sliders whose parameters are usually 0 or have a known range."""
-
-_STEPS, _FACTOR = 400, 4.0
-"""Steps of a slider; its end as a multiple of the value of the file."""
 
 
 class Page(NamedTuple):
@@ -180,7 +177,7 @@ def _contenders(laws: str, simulation: Simulation) -> tuple[Contender, ...]:
     mechanism, switching = simulation.controller.mechanism, _switching(simulation)
     names = laws or ','.join([_contender_of(simulation).label, *_OTHER_LAWS])
     return tuple(dict.fromkeys(
-        contender if contender.switching or not _switches(contender.law)
+        contender if contender.switching or not registry.uses_switching(contender.law)
         else contender._replace(switching=switching)
         for contender in contenders(names, mechanism, switching)
     ))  # fmt: skip
@@ -189,17 +186,12 @@ def _contenders(laws: str, simulation: Simulation) -> tuple[Contender, ...]:
 def _contender_of(simulation: Simulation) -> Contender:
     """Return the law of the file."""
     law = simulation.controller.values['law']
-    return Contender(law, _switching(simulation) if _switches(law) else '')
+    return Contender(law, _switching(simulation) if registry.uses_switching(law) else '')
 
 
 def _switching(simulation: Simulation) -> str:
     switching: str = simulation.controller.values['switching']
     return switching
-
-
-def _switches(law: str) -> bool:
-    loaded = registry.load(law)
-    return isinstance(loaded, Law) and loaded.uses_switching
 
 
 def _described_law(controller: Controller, tick: str) -> dict[str, Any]:
@@ -339,18 +331,12 @@ def _described_record(record: Records) -> dict[str, Any]:
 
 def _slider(parameter: Parameter, value: Any) -> dict[str, Any]:
     """Return value, range, unit and description of a parameter for a slider."""
-    level = max(value) if isinstance(value, tuple) else value
+    level = level_of(value)
     end = _ENDS.get(parameter.name, 0.0)
-    highest = max(_FACTOR * level, end) if end == 0.0 or level > end else end
-    highest = highest or 1.0
-    if parameter.maximum is not None:
-        highest = min(highest, parameter.maximum)
-    lowest = 0.0 if parameter.minimum is None else parameter.minimum
-    step = float(f'{(highest - lowest) / _STEPS:.6g}')
+    highest = max(FACTOR * level, end) if end == 0.0 or level > end else end
     return {
         'value': value, 'unit': parameter.unit, 'description': parameter.description,
-        'lowest': lowest + step if parameter.exclusive_minimum else lowest,
-        'highest': highest, 'step': step,
+        **range_up_to(parameter, highest or 1.0)._asdict(),
     }  # fmt: skip
 
 

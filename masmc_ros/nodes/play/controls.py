@@ -17,7 +17,10 @@ import queue
 import time
 
 from masmc_ros.errors import InputError
-from masmc_ros.nodes.play.gains import (
+from masmc_ros.nodes.play.page import show_value, text_block
+from masmc_ros.nodes.play.server import PlayServer
+from masmc_ros.params.declaration import MutableValues, Parameter, Values
+from masmc_ros.params.sliders import (
     gain_text,
     level_of,
     scaled,
@@ -25,9 +28,6 @@ from masmc_ros.nodes.play.gains import (
     SliderRange,
     SLIDERS,
 )
-from masmc_ros.nodes.play.page import show_value, text_block
-from masmc_ros.nodes.play.server import PlayServer
-from masmc_ros.params.declaration import MutableValues, Parameter, Values
 from viser import (
     ClientHandle,
     GuiButtonHandle,

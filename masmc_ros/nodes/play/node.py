@@ -45,7 +45,6 @@ from masmc_ros.nodes.play.described import (
     shown_robot,
     ShownRobot,
 )
-from masmc_ros.nodes.play.gains import gain_text
 from masmc_ros.nodes.play.page import (
     change_text,
     CHANGES,
@@ -67,6 +66,7 @@ from masmc_ros.nodes.process.diagnostics import RejectedMessages, several_sender
 from masmc_ros.nodes.process.runtime import run
 from masmc_ros.params.declaration import MutableValues, Values
 from masmc_ros.params.file import parameter_file_text
+from masmc_ros.params.sliders import gain_text
 from masmc_ros.scenario.node_parameters import declared
 from nav_msgs.msg import Path as PathMessage
 import numpy as np

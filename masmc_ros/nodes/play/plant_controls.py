@@ -10,10 +10,10 @@ from contextlib import suppress
 from masmc_ros.errors import InputError
 from masmc_ros.loop.plant_parameters import PAYLOAD_MASS, PUSH
 from masmc_ros.nodes.play.controls import Controls
-from masmc_ros.nodes.play.gains import level_of
 from masmc_ros.nodes.play.page import show_value
 from masmc_ros.nodes.play.server import PlayServer
 from masmc_ros.params.declaration import Parameter, Values
+from masmc_ros.params.sliders import level_of
 from masmc_ros.robot.declaration import Mechanism
 from viser import GuiButtonHandle, GuiEvent, GuiSliderHandle
 

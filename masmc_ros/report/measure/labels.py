@@ -12,7 +12,6 @@ from pathlib import Path
 
 from masmc_ros.errors import InputError
 from masmc_ros.law import registry
-from masmc_ros.law.law import Law
 from masmc_ros.log.read.reader import Run
 from masmc_ros.params.declaration import Values
 
@@ -102,10 +101,9 @@ def _switching(controller: Values) -> list[str]:
 def _uses_switching(name: str) -> bool:
     """Return True for a law with a reaching term, and for one that is not installed."""
     try:
-        law = registry.load(name)
+        return registry.uses_switching(name)
     except InputError:
         return True
-    return isinstance(law, Law) and law.uses_switching
 
 
 def as_text(name: str) -> str:

@@ -21,7 +21,7 @@ SLIDERS = ('k_s1', 'k_s2', 'sigma', 'gamma', 'boundary_layer')
 _STEPS = 400
 """Number of steps of a slider."""
 
-_FACTOR = 4.0
+FACTOR = 4.0
 """End of a slider as a multiple of the value at which it is set up."""
 
 
@@ -54,7 +54,11 @@ def slider_range(parameter: Parameter, level: float) -> SliderRange:
         Current value of the slider; the default replaces 0.
 
     """
-    highest = _FACTOR * (level or level_of(parameter.default) or 1.0)
+    return range_up_to(parameter, FACTOR * (level or level_of(parameter.default) or 1.0))
+
+
+def range_up_to(parameter: Parameter, highest: float) -> SliderRange:
+    """Return the range of a slider from the parameter's minimum to a value, within its bounds."""
     if parameter.maximum is not None:
         highest = min(highest, parameter.maximum)
     lowest = 0.0 if parameter.minimum is None else parameter.minimum
