@@ -4,8 +4,8 @@
 """
 A custom node: it reads a topic of the controller, and prints the largest error.
 
-Start it before or beside the nodes of the suite, in the same ROS domain. It prints a line for each
-second of the robot's time, and ends 2 s after the last message.
+Start it before the nodes of the suite or while they run, in the same ROS domain. It prints a line
+for each second of the robot's time, and ends 2 s after the last message.
 """
 
 from __future__ import annotations

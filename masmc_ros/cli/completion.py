@@ -37,6 +37,7 @@ def complete(parser_for: Callable[[Sequence[str]], argparse.ArgumentParser]) -> 
     def files_and_names(prefix: str, **arguments: object) -> Iterable[str]:
         return [*scenarios(), *files(prefix, **arguments)]
 
+    # argparse does not declare the attribute that argcomplete reads.
     for action in _actions(parser):
         if action.dest == 'file':
             action.completer = files_and_names  # type: ignore[attr-defined]

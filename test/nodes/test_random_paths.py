@@ -35,7 +35,7 @@ LARGEST_ERROR = 0.2
 """Distance in m of E and F from their reference, also where the platform turns round."""
 
 SETTLED = 800
-"""Ticks of the start, after which paths begin."""
+"""Ticks of the start; the first path starts after them."""
 
 
 class Followed(CoreLoop):
@@ -47,7 +47,7 @@ class Followed(CoreLoop):
         robot = self.controller.robot
         self.paths = ReceivedPaths(self.trajectory, robot, self.timing, values['trajectory'])
         # The trajectory of the parameters is part of the paths.
-        self.trajectory = self.paths  # type: ignore[assignment]
+        self.trajectory = self.paths  # type: ignore[assignment]  # only `sample` is used
         self.used: list[Array] = []
         self.reached: list[Array] = []
 
