@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A page with a live connection in a headless Chromium, driven by the WebDriver protocol."""
+"""Pages in a headless Chromium, driven by the WebDriver protocol."""
 
 from __future__ import annotations
 
@@ -19,14 +19,49 @@ from typing import Any
 from urllib.error import HTTPError
 from urllib.request import Request, urlopen
 
-from helpers.browser import CHROMIUM
 import pytest
 
 PATIENCE = 60.0
+CHROMIUM = next(
+    filter(None, map(shutil.which, ('chromium', 'chromium-browser', 'google-chrome'))), None
+)
 DRIVER = shutil.which('chromedriver')
 needs_webdriver = pytest.mark.skipif(
     CHROMIUM is None or DRIVER is None, reason='no Chromium with its driver here'
 )
+
+# Runs in a report's page and writes its results into an element of the page. What an event
+# changes is drawn in a later frame, on a busy machine much later: the page is settled when two
+# frames were drawn and nothing has changed for a while.
+_LOOK = """
+<script>
+(async () => {
+  const problems = [];
+  addEventListener('error', (event) => problems.push(event.message));
+  addEventListener('unhandledrejection', (event) => problems.push(String(event.reason)));
+  addEventListener('securitypolicyviolation', (event) => problems.push(event.violatedDirective));
+  let changed = performance.now();
+  new MutationObserver(() => (changed = performance.now())).observe(
+    document.documentElement, { subtree: true, childList: true, attributes: true },
+  );
+  const frame = () => new Promise((go) => requestAnimationFrame(() => setTimeout(go, 0)));
+  const settle = async () => {
+    changed = performance.now();
+    do {
+      await frame();
+      await frame();
+    } while (performance.now() - changed < 300);
+  };
+  while (!document.documentElement.dataset.drawn) await frame();
+%s
+  found.problems = problems;
+  const element = document.createElement('pre');
+  element.id = 'found';
+  element.textContent = JSON.stringify(found);
+  document.body.append(element);
+})();
+</script>
+"""
 
 
 class BrowserError(AssertionError):
@@ -36,9 +71,7 @@ class BrowserError(AssertionError):
 class Browser:
     """Session of a browser; every request has a timeout."""
 
-    def __init__(
-        self, address: str, downloads: Path, home: Path, size: tuple[int, int]
-    ) -> None:
+    def __init__(self, address: str, folder: Path, size: tuple[int, int], *options: str) -> None:
         width, height = size
         self._address = address
         options = {
@@ -51,9 +84,10 @@ class Browser:
                 '--use-angle=swiftshader',
                 '--enable-unsafe-swiftshader',
                 f'--window-size={width},{height}',
-                f'--user-data-dir={home}',
+                f'--user-data-dir={folder / "home"}',
+                *options,
             ],
-            'prefs': {'download.default_directory': str(downloads)},
+            'prefs': {'download.default_directory': str(folder)},
         }
         capabilities = {'alwaysMatch': {'goog:chromeOptions': options}}
         session = self._request('POST', '/session', {'capabilities': capabilities})
@@ -123,7 +157,9 @@ class Browser:
 
 
 @contextmanager
-def browser(folder: Path, size: tuple[int, int] = (900, 500)) -> Iterator[Browser]:
+def browser(
+    folder: Path, size: tuple[int, int] = (900, 500), *options: str
+) -> Iterator[Browser]:
     """Yield a browser of a size in pixels that saves files in a folder."""
     assert DRIVER is not None
     process = subprocess.Popen(
@@ -133,7 +169,7 @@ def browser(folder: Path, size: tuple[int, int] = (900, 500)) -> Iterator[Browse
         assert process.stdout is not None
         started: Callable[[str], Any] = re.compile(r'started successfully on port (\d+)').search
         port = next(filter(None, map(started, process.stdout)))[1]
-        session = Browser(f'http://127.0.0.1:{port}', folder, folder / 'home', size)
+        session = Browser(f'http://127.0.0.1:{port}', folder, size, *options)
         try:
             yield session
         finally:
@@ -142,3 +178,17 @@ def browser(folder: Path, size: tuple[int, int] = (900, 500)) -> Iterator[Browse
         # Its browsers end with it.
         process.send_signal(signal.SIGINT)
         process.wait(PATIENCE)
+
+
+def look(
+    report: Path, script: str, home: Path, *options: str, width: int = 1400
+) -> dict[str, Any]:
+    """Return the object `found` that a script fills in a report's page after it is drawn."""
+    page = home / 'page.html'
+    page.write_text(report.read_text().replace('<noscript>', f'{_LOOK % script}<noscript>'))
+    with browser(home, (width, 900), *options) as session:
+        session.open(page.as_uri())
+        result: dict[str, Any] = json.loads(
+            session.until("return document.querySelector('#found')?.textContent;", 'results')
+        )
+    return result

@@ -14,8 +14,8 @@ import subprocess
 from threading import Event, Thread
 from typing import Any
 
-from helpers.browser import chromium, LIMIT, look, needs_chromium
 from helpers.report_runs import paper_like, with_change
+from helpers.webdriver import browser, look, needs_webdriver
 from masmc_ros.report.report import write_report
 from matplotlib.image import imread
 import numpy as np
@@ -24,6 +24,7 @@ import pytest
 FIREFOX = next(filter(None, map(shutil.which, ('firefox', 'firefox-esr'))), None)
 needs_firefox = pytest.mark.skipif(FIREFOX is None, reason='no Firefox here')
 
+LIMIT = 120.0
 PLOTS = 4 + 4 + 4
 BLUE, BLUE_IN_THE_DARK = (0x00, 0x72, 0xB2), (0x4A, 0xA8, 0xE0)
 
@@ -47,9 +48,7 @@ LOOK = """
   overTime[1].dispatchEvent(new PointerEvent('pointermove', {
     clientX: left + offset + length / 2, clientY: top + 50,
   }));
-  // A busy machine draws the next frame late.
-  const isShown = () => document.querySelector('.cursor:not([hidden])');
-  for (let i = 0; i < 50 && !isShown(); i += 1) await settle();
+  await settle();
   found.cursors = [...document.querySelectorAll('.cursor')].map((line) => !line.hidden);
   found.values = [...document.querySelectorAll('.values')].map((text) => text.textContent);
   found.units = overTime.map((chart) => chart.layout.yaxis.title.text);
@@ -73,10 +72,10 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope='module')
 def inspection(report: Path, tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Any]:
-    return look(report, LOOK, tmp_path_factory.mktemp('laptop'), '--window-size=1400,900')
+    return look(report, LOOK, tmp_path_factory.mktemp('laptop'))
 
 
-@needs_chromium
+@needs_webdriver
 def test_report_page_in_browser_draws_every_line(inspection: Mapping[str, Any]) -> None:
     assert inspection['problems'] == []
     assert len(inspection['drawn']) == PLOTS
@@ -85,14 +84,14 @@ def test_report_page_in_browser_draws_every_line(inspection: Mapping[str, Any]) 
     assert sum(inspection['marks']) == 3  # errors of E and F, and torques, of the changed run
 
 
-@needs_chromium
+@needs_webdriver
 def test_report_page_in_browser_loads_and_sends_nothing(inspection: Mapping[str, Any]) -> None:
     assert inspection['loaded'] == []
     assert not any(inspection['canShare'])
     assert not [title for title in inspection['buttons'] if re.search('share|cloud', title, re.I)]
 
 
-@needs_chromium
+@needs_webdriver
 def test_report_page_zoom_of_one_plot_applies_to_all(inspection: Mapping[str, Any]) -> None:
     assert len(inspection['before']) == PLOTS - 2
     assert {tuple(span) for span in inspection['before']} == {(0.0, 20.0)}
@@ -103,7 +102,7 @@ def test_report_page_zoom_of_one_plot_applies_to_all(inspection: Mapping[str, An
             assert start <= min(ticks) < max(ticks) <= end
 
 
-@needs_chromium
+@needs_webdriver
 def test_report_page_cursor_shows_values_of_all_plots(inspection: Mapping[str, Any]) -> None:
     assert inspection['cursors'] == [True] * (PLOTS - 2)
     for text, quantity in zip(inspection['values'], inspection['units'], strict=True):
@@ -113,10 +112,10 @@ def test_report_page_cursor_shows_values_of_all_plots(inspection: Mapping[str, A
 
 
 @pytest.mark.slow
-@needs_chromium
+@needs_webdriver
 @pytest.mark.parametrize('width', [500, 1400])
 def test_report_page_fits_window_width(report: Path, tmp_path: Path, width: int) -> None:
-    assert look(report, LOOK, tmp_path, f'--window-size={width},900')['fits']
+    assert look(report, LOOK, tmp_path, width=width)['fits']
 
 
 def share(image: Path, colour: tuple[int, int, int]) -> float:
@@ -126,7 +125,7 @@ def share(image: Path, colour: tuple[int, int, int]) -> float:
 
 
 @pytest.mark.slow
-@needs_chromium
+@needs_webdriver
 @pytest.mark.parametrize(
     ('options', 'line', 'paper'),
     [
@@ -142,9 +141,10 @@ def test_report_page_follows_colour_scheme(
     paper: tuple[int, int, int],
 ) -> None:
     picture = tmp_path / 'page.png'
-    chromium(
-        tmp_path / 'home', report, f'--screenshot={picture}', '--window-size=1400,1600', *options
-    )
+    with browser(tmp_path, (1400, 1600), *options) as session:
+        session.open(report.as_uri())
+        session.until('return document.documentElement.dataset.drawn;', 'the drawn page')
+        session.screenshot(picture)
     assert share(picture, paper) > 0.7
     assert share(picture, line) > 1e-4
 

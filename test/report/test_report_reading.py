@@ -10,8 +10,8 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
-from helpers.browser import look, needs_chromium
 from helpers.report_runs import paper_like, series, with_change
+from helpers.webdriver import look, needs_webdriver
 from masmc_ros.report.report import write_report
 import numpy as np
 import pytest
@@ -77,13 +77,11 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Any]:
     folder = tmp_path_factory.mktemp('report')
     others = [paper_like(f'{gain}.mcap', k_s1=gain) for gain in (10.0, 1.0)]
     write_report([run, *others], folder)
-    return look(
-        folder / 'report.html', READ, folder, '--window-size=1400,900',
-        '--blink-settings=preferredColorScheme=0',
-    )  # fmt: skip
+    dark = '--blink-settings=preferredColorScheme=0'
+    return look(folder / 'report.html', READ, folder, dark)
 
 
-@needs_chromium
+@needs_webdriver
 def test_report_table_sorts_by_number(found: Mapping[str, Any]) -> None:
     assert found['problems'] == []
     assert found['rows'][1:] == [['1', '2', '10'], ['10', '2', '1']]
@@ -91,7 +89,7 @@ def test_report_table_sorts_by_number(found: Mapping[str, Any]) -> None:
     assert found['isButton']
 
 
-@needs_chromium
+@needs_webdriver
 def test_report_ordinate_follows_zoom(found: Mapping[str, Any]) -> None:
     low, high = found['whole']['range']
     assert -1.0 < low < 1.0 < 3.0 < high < 4.0
@@ -104,7 +102,7 @@ def test_report_ordinate_follows_zoom(found: Mapping[str, Any]) -> None:
     assert found['again'] == found['whole']
 
 
-@needs_chromium
+@needs_webdriver
 @pytest.mark.parametrize('state', ['whole', 'later', 'again'])
 def test_report_names_of_events_do_not_overlap(found: Mapping[str, Any], state: str) -> None:
     boxes = sorted(box for box in found[state]['boxes'] if box[1] > box[0])
@@ -114,7 +112,7 @@ def test_report_names_of_events_do_not_overlap(found: Mapping[str, Any], state: 
     assert all(right <= found[state]['edge'] for _, right in boxes)
 
 
-@needs_chromium
+@needs_webdriver
 def test_report_print_has_light_colours(found: Mapping[str, Any]) -> None:
     dark, light, again = found['colours']
     assert dark == again == 'rgb(74, 168, 224)'

@@ -11,8 +11,8 @@ from pathlib import Path
 import re
 from typing import Any
 
-from helpers.browser import look, needs_chromium
 from helpers.report_runs import run_of, ticks
+from helpers.webdriver import look, needs_webdriver
 from masmc_ros.cli.main import main
 from masmc_ros.log.read.reader import read_run, Run
 from masmc_ros.report.measure.tracking import tracking
@@ -75,7 +75,7 @@ def zoomed_report(
     """Write a report and return the results of ZOOM in it."""
     write_report([run], folder / 'report')
     script = ZOOM % (start, end, json.dumps(box))
-    return look(folder / 'report' / 'report.html', script, folder, '--window-size=1400,900')
+    return look(folder / 'report' / 'report.html', script, folder)
 
 
 @pytest.fixture(scope='module')
@@ -93,7 +93,7 @@ def changes_of_sign(values: Any) -> int:
 
 
 @pytest.mark.slow
-@needs_chromium
+@needs_webdriver
 def test_report_zoom_short_section_draws_every_sample(run: Run, zoom: Mapping[str, Any]) -> None:
     assert zoom['problems'] == []
     is_seen = (run.torque.times >= START) & (run.torque.times <= END)
@@ -113,7 +113,7 @@ def test_report_zoom_short_section_draws_every_sample(run: Run, zoom: Mapping[st
 
 
 @pytest.mark.slow
-@needs_chromium
+@needs_webdriver
 @pytest.mark.parametrize('which', ['whole', 'again'])
 def test_report_zoom_whole_run_draws_extremes_per_pixel(
     run: Run, zoom: Mapping[str, Any], which: str
@@ -138,7 +138,7 @@ def distances(points: np.ndarray, line: np.ndarray) -> np.ndarray:
     return np.array([np.linalg.norm(line - point, axis=1).min() for point in points])
 
 
-@needs_chromium
+@needs_webdriver
 def test_report_zoom_path_is_accurate_to_one_pixel(run: Run, zoom: Mapping[str, Any]) -> None:
     actual = tracking(run).actual
     assert actual is not None
@@ -159,7 +159,7 @@ def test_report_zoom_path_is_accurate_to_one_pixel(run: Run, zoom: Mapping[str, 
     assert len(piece) < len(points) / 10
 
 
-@needs_chromium
+@needs_webdriver
 @pytest.mark.slow
 def test_report_zoom_too_many_samples_draws_boxes(tmp_path: Path) -> None:
     times = ticks(45.0, 1e-4)
