@@ -40,6 +40,9 @@ Controller = Function | type
 OPTION = '--controller'
 """Option that names a controller."""
 
+TOPICS = 'topics:'
+"""Start of the option for a controller in another process; the name of its row follows."""
+
 _LOST = 10.0
 """Norm of the task error in m or rad beyond which a controller that fails has lost the path."""
 
@@ -75,6 +78,8 @@ class _ForeignLaw:
             with np.errstate(all='ignore'):
                 result = self._act(tick, tick.reference)
                 torque = np.asarray(result, np.float64)
+        except MistakeOfControllerError:
+            raise
         except Exception as error:
             if not np.linalg.norm(tick.error) < _LOST:
                 raise InputError(f'{OPTION} {self.name}: {error}') from error
@@ -115,7 +120,10 @@ def loaded(text: str) -> tuple[str, Controller]:
     file, _, name = text.rpartition(':')
     path = Path(file)
     if path.suffix != '.py' or not name.isidentifier():
-        raise InputError(f"{OPTION} '{text}': expected FILE.py:NAME, a function or a class")
+        raise InputError(
+            f"{OPTION} '{text}': expected FILE.py:NAME, a function or a class, or {TOPICS}NAME,"
+            ' a node'
+        )
     if not path.is_file():
         raise InputError(f"{OPTION} '{text}': there is no file {path}")
     spec = spec_from_file_location(path.stem, path.resolve())

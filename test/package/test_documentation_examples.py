@@ -213,6 +213,8 @@ class PageRun:
                 return None  # test_environment.py executes it
             case ['masmc', *arguments] if '--scheduler' in arguments:
                 return None  # test_cluster.py has one
+            case ['masmc', *arguments] if any(word.startswith('topics:') for word in arguments):
+                return None  # test_topic_controller.py has the node
             case ['masmc', 'laws', '--cost']:
                 return None  # it compiles every law; test_compare.py executes it for few
             case ['masmc' | 'ros2', 'param', *arguments]:

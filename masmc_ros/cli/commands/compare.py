@@ -6,8 +6,11 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
+from masmc_ros.campaign.runs import scenario_of
 from masmc_ros.cli.arguments import (
     add_file,
     add_json,
@@ -22,6 +25,8 @@ from masmc_ros.compare import foreign, results
 from masmc_ros.compare.law_comparison import comparison_of
 from masmc_ros.compare.ranking import by_error, compared
 from masmc_ros.compare.tables import as_json, page, text
+from masmc_ros.errors import InputError
+from masmc_ros.optional import require_rclpy
 from masmc_ros.output_files import check_folder, make_folder, write_file
 from masmc_ros.report.aligned import WIDTH
 from masmc_ros.share import scenario_file
@@ -46,7 +51,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar='FILE.py:NAME',
         help='controller from elsewhere: a function of (state, reference) that returns torques,'
-        ' or a class of such objects; repeatable',
+        f' or a class of such objects; or {foreign.TOPICS}NAME, a node that answers states on ROS'
+        ' topics; repeatable',
     )
     parser.add_argument(
         results.OPTION,
@@ -82,13 +88,38 @@ def run(options: argparse.Namespace) -> int:
     """Compute the runs of all laws in all trials, print the tables and write them."""
     file = scenario_file(options.file)
     print_choices(file, options.set)
+    with _controllers(options, file) as controllers:
+        return _compare(options, file, controllers)
+
+
+@contextmanager
+def _controllers(
+    options: argparse.Namespace, file: str
+) -> Iterator[dict[str, foreign.Controller]]:
+    """Yield the controllers from elsewhere by name; one may be a node."""
+    of_files = [text for text in options.controller if not text.startswith(foreign.TOPICS)]
+    controllers = foreign.loaded_controllers(of_files)
+    nodes = [text for text in options.controller if text.startswith(foreign.TOPICS)]
+    if not nodes:
+        yield controllers
+        return
+    name = nodes[0].removeprefix(foreign.TOPICS)
+    if len(nodes) > 1 or not name.isidentifier() or name in controllers:
+        given = ' '.join(f"{foreign.OPTION} '{text}'" for text in nodes)
+        raise InputError(f'{given}: expected one {foreign.TOPICS}NAME with a name of its own')
+    require_rclpy()
+    from masmc_ros.nodes.topic_controller import topic_controller
+
+    robot = scenario_of(file, options.set)['plant']
+    with topic_controller(name, robot) as controller:
+        yield {**controllers, name: controller}
+
+
+def _compare(
+    options: argparse.Namespace, file: str, controllers: dict[str, foreign.Controller]
+) -> int:
     comparison = comparison_of(
-        file,
-        options.set,
-        options.laws,
-        options.trials,
-        options.seeds,
-        foreign.loaded_controllers(options.controller),
+        file, options.set, options.laws, options.trials, options.seeds, controllers
     )
     trials, points = comparison.trials, comparison.mechanism.points
     folder = Path(options.output)
