@@ -20,10 +20,16 @@ from claims import (
     task_feedback,
     time_delay_range,
 )
-from helpers.robots import between
+from helpers.robots import AXES, BASE_PARAMETERS, between, DEFAULT, Machine
+from helpers.scenario import law_records, Scenario
 from hypothesis import assume, given
+from masmc_ros import simulate
 from masmc_ros.errors import InputError
+from masmc_ros.jit.record import fill
+from masmc_ros.loop import records
+from masmc_ros.loop.dense import tick_input
 from masmc_ros.loop.simulation import Simulation
+from masmc_ros.robot.two_link.paper_robot import TWO_LINK
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 from numpy.typing import NDArray
@@ -94,13 +100,15 @@ def stable_shares(period: float) -> tuple[float, float]:
     return float(shares[first]), float(shares[last])
 
 
-def test_ranges_of_pages_are_those_of_the_defaults() -> None:
-    def stated(law: str, pattern: str) -> list[float]:
-        page = ROOT / 'docs' / 'reference' / 'laws' / f'{law}.md'
-        found = re.search(pattern, ' '.join(page.read_text(encoding='utf-8').split()))
-        assert found is not None
-        return [float(number) for number in found.groups()]
+def stated(law: str, pattern: str) -> list[float]:
+    """Return the numbers of a sentence of a law's page."""
+    page = ROOT / 'docs' / 'reference' / 'laws' / f'{law}.md'
+    found = re.search(pattern, ' '.join(page.read_text(encoding='utf-8').split()))
+    assert found is not None, f'{law}: {pattern}'
+    return [float(number) for number in found.groups()]
 
+
+def test_ranges_of_pages_are_those_of_the_defaults() -> None:
     numbers = stated(
         'time_delay', r'([\d.]+) to ([\d.]+) at 1 ms, ([\d.]+) to ([\d.]+) at 10 ms'
     )
@@ -130,6 +138,33 @@ def test_estimator_poles_are_those_of_the_page() -> None:
     assert poles == pytest.approx([float(pole) for pole in stated.groups()], abs=5e-3)
     critical = estimator_poles(1.0 - z**3, 1.5 * (1.0 - z * z) * (1.0 - z), (1.0 - z) ** 3)
     assert critical == pytest.approx([z] * 3, abs=1e-4)  # a triple root is ill-conditioned
+
+
+def test_inertia_along_path_is_that_of_the_pages() -> None:
+    """Gains per period of the laws with a layer, from the matrices of the true robot."""
+    settings, _ = law_records(Scenario('smc', 'implicit', robot=Machine(DEFAULT), model_scale=1.0))
+    signals = records.signals(TWO_LINK)
+    gains, nothing = {'sigma': np.full(AXES, 2.0)}, np.zeros(BASE_PARAMETERS)
+    task, joints, couplings = [], [], []
+    for position in simulate('paper').position[::100]:
+        fill(signals, 'position', position)
+        tick = tick_input(settings, signals, gains, nothing, np.zeros(AXES))
+        groups = tick.inertia.copy()
+        groups[:2, 2:] = groups[2:, :2] = 0.0
+        task.append(np.linalg.eigvalsh(0.5 * (tick.task_inertia + tick.task_inertia.T))[0])
+        joints.append(np.linalg.eigvalsh(tick.inertia)[0])
+        couplings.append(np.linalg.eigvals(np.linalg.solve(tick.inertia, groups)).real)
+    slope = 2.0 * min(task) / 1e-3
+    for law in ('adaptive_gain', 'fuzzy_gain', 'rbf_sliding', 'variable_structure'):
+        assert stated(law, r'(\d+) N·s/m for the default') == [round(slope, -1)]
+    assert stated('variable_structure', r'\$g\$ < (\d+) N') == [round(round(slope, -1) * 0.2)]
+    assert stated('fuzzy_model', r'(\d+) N·m·s for') == [round(2.0 * min(joints) / 1e-3)]
+    lowest, highest = np.min(couplings), np.max(couplings)
+    assert stated('decentralised_sliding', r'from ([\d.]+) to ([\d.]+) along') == pytest.approx(
+        [lowest, highest], rel=0.01
+    )
+    (reached,) = stated('decentralised_sliding', r'It is ([\d.]+) with the defaults')
+    assert reached == pytest.approx(1e-3 * (20.0 + 40.0 / 0.2) * highest, abs=0.005)
 
 
 def is_smooth(law: str, period: float, share: float, *settings: str) -> bool:
