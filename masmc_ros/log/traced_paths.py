@@ -44,7 +44,9 @@ def thinned(last: int, most: int = MOST_POSES) -> NDArray[np.int64]:
 class _TracedPath:
     """Latest poses of the first point."""
 
-    def __init__(self, timing: Timing, robot: Robot, frame_prefix: str = '') -> None:
+    def __init__(
+        self, timing: Timing, robot: Robot, frame_prefix: str = '', frame: str = ''
+    ) -> None:
         """
         Initialise the path.
 
@@ -56,13 +58,15 @@ class _TracedPath:
             the robot.
         frame_prefix
             prefix of the names of its frames.
+        frame
+            frame of the path; empty: that of odometry.
 
         """
         self._timing, self._robot = timing, robot
         self._height = robot.height
         # Axes of the task that are x and y, or x, y and z, of the first point that is a position.
         self._axes = next((point.axes for point in robot.mechanism.places), None)
-        self._frame = frame_prefix + ODOM_FRAME
+        self._frame = frame or frame_prefix + ODOM_FRAME
         self._stride, self._sent_stride = (
             max(1, round(period / timing.period)) for period in (POSE_PERIOD, _SENT_PERIOD)
         )

@@ -115,6 +115,12 @@ _PART_TEXT = f'0, or a number in [{_LEAST_PART:g}, {_MOST:g}]'
 _SHORTEST_WINDOW = 0.001
 """Shortest window and horizon in s."""
 
+_POSE_FRAME = Parameter(
+    'pose_frame', '',
+    'Frame of the path, such as map, with pose_source odom of the controller: a localisation '
+    'sends its transform to the frame of odom on /tf; empty: the frame of odom',
+)  # fmt: skip
+
 _TRAJECTORY_NODE = (
     Parameter(
         'window', 0.5, 'Length of the reference windows',
@@ -130,6 +136,7 @@ _TRAJECTORY_NODE = (
         'activation of the controller',
         unit='s', maximum=_LATEST_START,
     ),
+    _POSE_FRAME,
     Parameter(
         'path_speed', 0.25,
         'Largest speed on paths from messages without times, and of the transition to a path',
@@ -196,11 +203,7 @@ def _controller_node(mechanism: Mechanism) -> tuple[Parameter, ...]:
             "Source of the platform's pose: the joints base_..._joint of joint_states, or odom",
             choices=('joint_states', 'odom') if mechanism.is_planar else ('joint_states',),
         ),
-        Parameter(
-            'pose_frame', '',
-            'Frame of the path with pose_source odom, such as map: a localisation sends its '
-            'transform to the frame of odom on /tf; empty: the frame of odom',
-        ),
+        _POSE_FRAME,
         Parameter(
             'state_timeout', 0.1,
             'Time without a usable state after which the controller raises a fault, in real time; '

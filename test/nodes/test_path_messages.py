@@ -21,9 +21,12 @@ from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.platform_messages import OdometryCdr
 from masmc_ros.messages.reference_window import ReferenceWindow
+from masmc_ros.messages.transforms import TransformsCdr
+from masmc_ros.nodes.middleware.raw_types import raw_class
 from masmc_ros.nodes.trajectory.path_messages import PathMessages, PathRequest
 from masmc_ros.nodes.trajectory.received_paths import ReceivedPaths
 from masmc_ros.reference.joint_path import JointPoints
+from masmc_ros.reference.pose_path import PosePoints
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.robot.joint_names import joint_names
 from masmc_ros.robot.robot import robot_of
@@ -148,9 +151,10 @@ WRONG = {
     'no positions': (
         JOINTS, JointTrajectory(joint_names=ARM, points=[JointTrajectoryPoint()]), 'no positions'
     ),
-    'frame': ('trajectory/goal', pose(1.0, 0.0, frame='map'), "'map': the poses need a transform"),
-    'frame of pose': (
-        'trajectory/path', path(pose(1.0, 0.0), pose(2.0, 0.0, frame='map')), "to 'odom', which"
+    'frame': ('trajectory/goal', pose(1.0, 0.0, frame='map'), "'map': no transform to 'odom' on"),
+    'frames': (
+        'trajectory/path', path(pose(1.0, 0.0), pose(2.0, 0.0, frame='map')),
+        "frame_id 'odom' and 'map'; expected one frame",
     ),
     'quaternion': ('trajectory/goal', pose(1.0, 0.0, w=0.0), 'quaternion of length 0; expected 1'),
     'nan pose': ('trajectory/base_goal', pose(float('nan'), 0.0), 'pose 1 has a number that'),
@@ -177,6 +181,28 @@ def test_wrong_path_message_is_one_line(topic: str, message: Any, expected: str)
         reader()(topic, message)
     assert expected in str(caught.value)
     assert len(str(caught.value)) < 250
+
+
+@pytest.mark.parametrize(
+    ('topic', 'message'),
+    [
+        ('trajectory/goal', pose(1.0, 2.0, frame='map')),
+        ('trajectory/base_path', path(pose(1.0, 2.0, frame=''), frame='map')),
+        (MULTI_DOF, multi_dof('end_effector', (1.0, 2.0))),
+    ],
+)
+def test_poses_are_moved_to_frame_of_path(topic: str, message: Any) -> None:
+    """A quarter of a turn about z, and 3 m along x."""
+    values = load_scenario(str(PAPER))['trajectory']
+    transform = np.array([3.0, 0.0, 0.0, 0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)])
+    robot, names = robot_of(values).mechanism, joint_names(values)
+    messages = PathMessages(robot, names, '', 'world', lambda *_: transform)
+    if topic == MULTI_DOF:
+        message.header.frame_id = 'map'
+    points = messages.topics[topic][1](topic, serialize_message(message)).points
+    assert isinstance(points, PosePoints)
+    assert points.positions == pytest.approx(np.array([[1.0, 1.0, 0.0]]))
+    assert points.quaternions == pytest.approx(transform[None, 3:])
 
 
 @pytest.mark.parametrize(('topic', 'message'), [
@@ -432,6 +458,45 @@ def test_stamped_velocities_equal_velocities() -> None:
     plain, same = reader()(topics[0], twist(0.2, 0.3)), reader()(topics[1], stamped('base_link'))
     assert plain.points == same.points
     assert same.is_command
+
+
+@pytest.mark.parametrize(('topic', 'frame'), [('/tf', 'map'), ('/tf_static', 'odom/second')])
+def test_goal_in_another_frame_waits_for_transform(
+    tmp_path: Path, topic: str, frame: str
+) -> None:
+    """The frame is turned by half a turn: the goal is behind the robot."""
+    transform = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0]])
+    raw = TransformsCdr('', ((frame, 'odom'),)).fill(0, transform)
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        windows = tester.collect(Float64MultiArray, 'reference', raw=True)
+        node = started.start('trajectory', *ros_arguments(PAPER))
+        kind = raw_class('tf2_msgs/msg/TFMessage')
+        transforms = tester.publisher(kind, topic, latched=topic == '/tf_static')
+        goals = tester.publisher(PoseStamped, 'trajectory/base_goal')
+        states = tester.publisher(JointState, 'joint_states', latched=True)
+        tester.wait_for_subscribers(goals)
+        goals.publish(pose(1.0, 0.0, frame=frame))
+        tester.wait_for_subscribers(transforms)
+        transforms.publish(raw)
+        state = JointStateCdr()
+        state.position[:] = 0.0, 0.0, 0.0, 0.0, 0.0, 0.8, -1.5
+        state.set_stamp(2_500_000_000)
+        states.publish(state.to_bytes())
+        tester.until(lambda: node.logged('INFO', 'base_goal: 1 pose'), 'the start of the path')
+
+        def end() -> float:
+            window = ReferenceWindow.from_bytes(windows[-1])
+            assert window is not None
+            return float(window.samples[-1, 0, 2])
+
+        odometry = OdometryCdr('', 'base_link')
+        publisher = tester.publisher(Odometry, 'odom')
+        tester.wait_for_subscribers(publisher)
+        odometry.set_stamp(15_000_000_000)
+        publisher.publish(odometry.to_bytes())
+        # The goal is 1 m behind the robot.
+        tester.until(lambda: end() < -0.5, lambda: f'x_F of the goal, not {end()}')
+        assert not node.logged('WARN')
 
 
 def test_trajectory_node_follows_and_rejects_paths(tmp_path: Path) -> None:

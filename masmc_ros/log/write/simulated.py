@@ -86,7 +86,9 @@ class SimulationLog:
         self._files = {**files, 'robot.urdf': self._description.encode()}
         self._actual = ActualPath(simulation.timing, self._robot, self._prefix)
         prefix = check_frame_prefix(trajectory['frame_prefix'])
-        desired = DesiredPath(simulation.timing, robot_of(trajectory), prefix)
+        desired = DesiredPath(
+            simulation.timing, robot_of(trajectory), prefix, trajectory['pose_frame']
+        )
         self._desired = desired.whole(simulation.trajectory)
         self._writer = LogWriter(path, compression=values['recorder']['compression'])
         self._is_stamped: bool = controller['enable_stamped_cmd_vel']

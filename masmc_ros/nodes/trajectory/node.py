@@ -68,7 +68,9 @@ class TrajectoryNode(SuiteNode):
         self._robot = robot = robot_of(self.values)
         self._trajectory = Trajectory(self.values, period, robot)
         self._prefix = check_frame_prefix(self.values['frame_prefix'])
-        self._path = DesiredPath(self._timing, robot, self._prefix)
+        self._path = DesiredPath(
+            self._timing, robot, self._prefix, self.values['pose_frame']
+        )
         self._mechanism = robot.mechanism
         self._received = ReceivedPaths(self._trajectory, robot, self._timing, self.values)
         self._window = max(2, round(self.values['window'] / period))

@@ -7,24 +7,45 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from typing import NamedTuple
 
 from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError
 from masmc_ros.messages.cdr_layout import checked_stamp, UNREAD
+from masmc_ros.messages.frame_tree import FrameTree
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.platform_messages import odometry_numbers
+from masmc_ros.messages.topics import TRANSFORMS
 from masmc_ros.nodes.middleware.messages import deserialized
 from masmc_ros.nodes.middleware.past import subscribe, subscribe_with_past
+from masmc_ros.nodes.middleware.raw_types import raw_class
 from masmc_ros.nodes.process.base import SuiteNode
 from masmc_ros.nodes.process.diagnostics import Health, OK, WARN
-from masmc_ros.nodes.trajectory.path_messages import PathMessages, PathRequest
+from masmc_ros.nodes.trajectory.path_messages import (
+    MissingTransformError,
+    PathMessages,
+    PathRequest,
+)
 from masmc_ros.robot.base_pose import BasePose, OLDEST_POSE_NS
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.joint_names import joint_names
 from nav_msgs.msg import Odometry
+from rclpy.timer import Timer
 from sensor_msgs.msg import JointState
 
 _STATES = 'joint_states'
+
+_PATIENCE = 2.0
+"""Longest time in s from a message with poses in another frame to a transform of that frame."""
+
+
+class _Waiting(NamedTuple):
+    """Message that waits for a transform, with the error that it is rejected with."""
+
+    topic: str
+    read: Callable[[str, bytes], PathRequest]
+    raw: bytes
+    error: MissingTransformError
 
 
 class PathInput:
@@ -67,7 +88,12 @@ class PathInput:
         self._has_states = False
         self._accepted = self._rejected = self._reported = 0
         self._last = ''
-        messages = PathMessages(mechanism, names, frame_prefix)
+        self._frames: FrameTree | None = None
+        self._waiting: _Waiting | None = None
+        self._end_of_patience: Timer | None = None
+        messages = PathMessages(
+            mechanism, names, frame_prefix, node.values['pose_frame'].lstrip('/'), self._pose_of
+        )
         for topic, (kind, read) in messages.topics.items():
             subscribe(node.node, kind, topic, partial(self._take, topic, read))
 
@@ -95,12 +121,65 @@ class PathInput:
     def _take(
         self, topic: str, read: Callable[[str, bytes], PathRequest], raw: bytes
     ) -> None:
+        # The latest path counts.
+        self._reject_waiting()
         try:
             self._on_path(read(topic, raw))
+        except MissingTransformError as error:
+            self._waiting = _Waiting(topic, read, raw, error)
+            self._await_transform()
         except InputError as error:
             self.reject(topic, error)
+        else:
+            self.follow_states()
+
+    def _await_transform(self) -> None:
+        """Take the waiting path again with the next transforms, and reject it after _PATIENCE."""
+        self._end_of_patience = self._node.node.create_timer(
+            _PATIENCE, self._reject_waiting, clock=self._node.steady
+        )
+        # Transforms are not needed, and cost time, as long as paths are in the frame of odometry.
+        if self._frames is None:
+            self._frames = FrameTree()
+            kind = raw_class(TRANSFORMS.type_name)
+            subscribe(self._node.node, kind, '/tf', self._take_transforms, depth=100)
+            subscribe_with_past(
+                self._node.node, kind, '/tf_static', self._take_static, depth=100
+            )
+
+    def _take_static(self, raw: bytes) -> None:
+        self._take_transforms(raw, is_static=True)
+
+    def _take_transforms(self, raw: bytes, *, is_static: bool = False) -> None:
+        waiting = self._waiting
+        if self._frames is None or not (is_static or waiting):
             return
-        self.follow_states()
+        try:
+            self._frames.add(raw, is_static=is_static)
+        except InputError as error:
+            self._node.log.warning(f'tf rejected: {error}', throttle_duration_sec=1.0)
+        if waiting and self._frames.pose(waiting.error.frame, waiting.error.target) is not None:
+            self._stop_waiting()
+            self._take(waiting.topic, waiting.read, waiting.raw)
+            # Those of the next path must be recent.
+            self._frames.forget_moving()
+
+    def _reject_waiting(self) -> None:
+        if (waiting := self._waiting) is not None:
+            self._stop_waiting()
+            self.reject(waiting.topic, waiting.error)
+            if self._frames is not None:
+                self._frames.forget_moving()
+
+    def _stop_waiting(self) -> None:
+        self._waiting = None
+        if self._end_of_patience is not None:
+            self._node.node.destroy_timer(self._end_of_patience)
+            self._end_of_patience = None
+
+    def _pose_of(self, frame: str, target: str) -> Array | None:
+        """Return the pose (7) of a frame in another one, None if it is not known."""
+        return None if self._frames is None else self._frames.pose(frame, target)
 
     def follow_states(self) -> None:
         """Subscribe to the states of the robot, at the first path."""

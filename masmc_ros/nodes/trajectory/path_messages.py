@@ -15,9 +15,11 @@ from itertools import chain
 import struct
 from typing import NamedTuple
 
-from geometry_msgs.msg import PoseStamped, Quaternion, Twist, TwistStamped
+from geometry_msgs.msg import Point, PoseStamped, Quaternion, Twist, TwistStamped, Vector3
+from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.messages.cdr_layout import checked_stamp, ENCAPSULATION, NANOSECONDS, STAMP
+from masmc_ros.messages.frame_tree import moved
 from masmc_ros.nodes.middleware.messages import deserialized
 from masmc_ros.reference.joint_path import JointPoints
 from masmc_ros.reference.pose_path import PosePoints
@@ -41,6 +43,26 @@ _MOST_BYTES = 10_000_000
 """Largest size of a message."""
 
 _NUMBER = struct.Struct('<I')
+
+
+class MissingTransformError(InputError):
+    """
+    Poses in a frame whose transform to that of the path is not known yet.
+
+    Attributes
+    ----------
+    frame, target
+        Names of the frame, and of that of the path.
+
+    """
+
+    def __init__(self, frame: str, target: str) -> None:
+        """Initialise the error of a frame and that of the path."""
+        super().__init__(
+            f"frame_id = '{frame}': no transform to '{target}' on /tf or /tf_static; expected one,"
+            f" or poses in '{target}'"
+        )
+        self.frame, self.target = frame, target
 
 
 class PathRequest(NamedTuple):
@@ -90,7 +112,14 @@ def _counted(count: int, noun: str) -> str:
 class PathMessages:
     """Reader of the messages of all topics with paths, for one robot."""
 
-    def __init__(self, mechanism: Mechanism, names: Sequence[str], frame_prefix: str) -> None:
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        names: Sequence[str],
+        frame_prefix: str,
+        frame: str = '',
+        pose_of: Callable[[str, str], Array | None] = lambda *_: None,
+    ) -> None:
         """
         Initialise the reader.
 
@@ -102,13 +131,19 @@ class PathMessages:
             Names of the joints in the order of a joint state.
         frame_prefix
             Prefix of the names of the robot's frames.
+        frame
+            Frame of the path; empty: that of odometry.
+        pose_of
+            Function that returns the pose (7) of a frame in another one, None if it is unknown.
 
         """
         self._mechanism, self._names = mechanism, tuple(names)
-        self._frame, self._base_frame, self._tip_frame = (
+        self._pose_of = pose_of
+        odom, self._base_frame, self._tip_frame = (
             frame_prefix + name
             for name in (ODOM_FRAME, BASE_FRAME, mechanism.point_frame or mechanism.frames[-1][1])
         )
+        self._frame = frame or odom
         base, drives = len(mechanism.base), len(mechanism.twist)
         # The pose of a mobile base replaces the positions of its drives.
         self._places = [*(range(base) if drives else ()), *range(base + drives, len(names))]
@@ -152,9 +187,9 @@ class PathMessages:
     def _multi_dof_trajectory(self, topic: str, raw: bytes) -> PathRequest:
         _check_size(raw, with_names=True)
         message = deserialized(raw, MultiDOFJointTrajectory)
-        self._check_frame(message.header.frame_id)
         if not message.points:
             return PathRequest(topic, None, None)
+        transform = self._transform([message.header])
         names, known = list(message.joint_names), (self._base_frame, self._tip_frame)
         if len(names) != 1 or names[0] not in known:
             raise InputError(
@@ -170,13 +205,8 @@ class PathMessages:
         if times[0] < 0.0:
             raise InputError(f'point 1 is at {times[0]:g} s; expected times from 0 s on')
         transforms = [point.transforms[0] for point in message.points]
-        points = PosePoints(
-            names[0] == self._base_frame,
-            np.array([(t.translation.x, t.translation.y, t.translation.z) for t in transforms]),
-            np.array([_quaternion(t.rotation) for t in transforms]),
-            times,
-        )
-        points.check(self._mechanism)
+        poses = np.array([_pose(t.translation, t.rotation) for t in transforms])
+        points = self._pose_points(names[0] == self._base_frame, poses, times, transform)
         return PathRequest(topic, points, _stamp(message.header))
 
     def _columns(self, names: Sequence[str]) -> np.ndarray:
@@ -201,19 +231,17 @@ class PathMessages:
         message = deserialized(raw, Path)
         if not message.poses:
             return PathRequest(topic, None, None)
-        for header in [message.header, *(pose.header for pose in message.poses)]:
-            self._check_frame(header.frame_id)
+        transform = self._transform([message.header, *(p.header for p in message.poses)])
         stamps = np.array([_stamp(pose.header) or 0 for pose in message.poses], dtype=np.int64)
         if (stamps == stamps[0]).all():
             # Planners of paths without times stamp them with the time of planning.
-            return self._poses(topic, message.poses, None, None)
+            return self._poses(topic, message.poses, None, None, transform)
         times = (stamps - stamps[0]) / NANOSECONDS
-        return self._poses(topic, message.poses, times, int(stamps[0]) or None)
+        return self._poses(topic, message.poses, times, int(stamps[0]) or None, transform)
 
     def _goal(self, topic: str, raw: bytes) -> PathRequest:
         message = deserialized(raw, PoseStamped)
-        self._check_frame(message.header.frame_id)
-        return self._poses(topic, [message], None, None)
+        return self._poses(topic, [message], None, None, self._transform([message.header]))
 
     def _twist(self, topic: str, raw: bytes) -> PathRequest:
         return self._velocities(topic, deserialized(raw, Twist))
@@ -239,23 +267,41 @@ class PathMessages:
         poses: Sequence[PoseStamped],
         times: np.ndarray | None,
         stamp: int | None,
+        transform: Array | None,
     ) -> PathRequest:
-        positions = np.array([
-            (p.pose.position.x, p.pose.position.y, p.pose.position.z) for p in poses
-        ])
-        quaternions = np.array([_quaternion(p.pose.orientation) for p in poses])
+        numbers = np.array([_pose(p.pose.position, p.pose.orientation) for p in poses])
         of_base = topic.rpartition('/')[2].startswith('base_')
-        points = PosePoints(of_base, positions, quaternions, times)
-        points.check(self._mechanism)
-        return PathRequest(topic, points, stamp)
+        return PathRequest(topic, self._pose_points(of_base, numbers, times, transform), stamp)
 
-    def _check_frame(self, frame: str) -> None:
-        """Raise InputError for poses in another frame; an empty name stands for the right one."""
-        if frame.lstrip('/') not in ('', self._frame):
-            raise InputError(
-                f"frame_id = '{frame}': the poses need a transform to '{self._frame}', which this "
-                f"node does not apply; expected '{self._frame}'"
-            )
+    def _pose_points(
+        self, of_base: bool, poses: Array, times: np.ndarray | None, transform: Array | None
+    ) -> PosePoints:
+        """Return checked points of poses (n, 7), moved by a transform (7) to the path's frame."""
+        points = PosePoints(of_base, poses[:, :3], poses[:, 3:], times)
+        points.check(self._mechanism)
+        if transform is None:
+            return points
+        poses = moved(transform, poses)
+        return PosePoints(of_base, poses[:, :3], poses[:, 3:], times)
+
+    def _transform(self, headers: Sequence[Header]) -> Array | None:
+        """
+        Return the pose (7) of the frame of headers in that of the path; None for the same frame.
+
+        An empty name stands for the frame of the path. Raises MissingTransformError, and
+        InputError for several frames.
+        """
+        frames = dict.fromkeys(header.frame_id.lstrip('/') for header in headers)
+        frames.pop('', None)
+        if len(frames) > 1:
+            raise InputError(f"frame_id {' and '.join(map(repr, frames))}; expected one frame")
+        frame = next(iter(frames), self._frame)
+        if frame == self._frame:
+            return None
+        transform = self._pose_of(frame, self._frame)
+        if transform is None:
+            raise MissingTransformError(frame, self._frame)
+        return transform
 
 
 def _stamp(header: Header) -> int | None:
@@ -271,9 +317,9 @@ def _times(
     return np.array([time.sec + time.nanosec / NANOSECONDS for time in times])
 
 
-def _quaternion(rotation: Quaternion) -> tuple[float, float, float, float]:
-    """Return x, y, z, w."""
-    return rotation.x, rotation.y, rotation.z, rotation.w
+def _pose(position: Point | Vector3, rotation: Quaternion) -> tuple[float, ...]:
+    """Return the position x, y, z, and the quaternion x, y, z, w."""
+    return position.x, position.y, position.z, rotation.x, rotation.y, rotation.z, rotation.w
 
 
 def _numbers(rows: Sequence[Sequence[float]], count: int, field: str) -> np.ndarray | None:
