@@ -53,9 +53,9 @@ def test_skip_without_documented_reason_fails(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_second_run_omits_passed_tests_only(tmp_path: Path) -> None:
     passed = tmp_path / 'passed.txt'
-    first = run(tmp_path, 'no Chromium here', f'--write-passed={passed}', '-n', '1')
+    first = run(tmp_path, 'no Firefox here', f'--write-passed={passed}', '-n', '1')
     assert first.returncode == 0, first.stdout + first.stderr
     assert passed.read_text(encoding='utf-8') == 'test_two.py::test_passes'
-    second = run(tmp_path, 'no Chromium here', f'--skip-passed={passed}', '--check-skipped')
+    second = run(tmp_path, 'no Firefox here', f'--skip-passed={passed}', '--check-skipped')
     assert second.returncode == 0, second.stdout + second.stderr
     assert '1 skipped, 1 deselected' in second.stdout
