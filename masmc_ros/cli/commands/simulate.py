@@ -32,6 +32,7 @@ from masmc_ros.output_files import check_absent
 from masmc_ros.params.declaration import Values
 from masmc_ros.reference.sampled_trajectory import SampledTrajectory
 from masmc_ros.report.aligned import WIDTH
+from masmc_ros.report.measure.chatter import chatter_notes
 from masmc_ros.report.measure.labels import law_label
 from masmc_ros.report.measure.metrics import MetricSamples
 from masmc_ros.report.measure.recomputed import Recomputed
@@ -164,6 +165,9 @@ def run(options: argparse.Namespace) -> int:
     if any(change.values for change in source.changes):
         label = f'{label}, changed'
     metrics = {label: samples.metrics()}
+    chatter = chatter_notes(
+        samples.torque, samples.torques(), source.values, mechanism.joints
+    )
     has_contact = len(simulation.plant.contact) > 0
     if options.json:
         print(json_text({
@@ -173,6 +177,7 @@ def run(options: argparse.Namespace) -> int:
             'range_end_ticks': ended,
             **course.counts(),
             'fastest_slip': slip if has_contact else None,
+            'chatter': chatter[0] if chatter else None,
             'signals_sha256': digest.hexdigest(),
             'recomputed': None if comparison is None else comparison.counts(),
             'log': path,
@@ -200,7 +205,7 @@ def run(options: argparse.Namespace) -> int:
             ' motion along the lost direction is damped there',
             file=sys.stderr,
         )
-    for text in course.warnings():
+    for text in (*course.warnings(), *chatter):
         print(f'warning: {text}', file=sys.stderr)
     return 0
 

@@ -15,6 +15,7 @@ from masmc_ros.control.supervisor import ACTIVE
 from masmc_ros.log.read.reader import Run
 from masmc_ros.loop.controller_events import ACTIVATED, DEACTIVATED, GUIDED, RESUMED
 from masmc_ros.loop.signals import largest_slip, least_normal_force
+from masmc_ros.report.measure.chatter import chatter_notes
 from masmc_ros.report.measure.labels import as_line
 from masmc_ros.report.measure.parameters import ParameterChange, run_changes
 from masmc_ros.report.measure.settling import settling_time
@@ -405,7 +406,7 @@ def metrics(run: Run, *, window: Window | None = None, tracked: Tracking | None 
     start = run.times[0]
     estimate = run.telemetry.get('estimate')
     changes = run_changes(run)
-    reached = MetricSamples(
+    samples = MetricSamples(
         tracked.times,
         tracked.error,
         run.torque.times - start,
@@ -415,8 +416,12 @@ def metrics(run: Run, *, window: Window | None = None, tracked: Tracking | None 
         None if estimate is None else estimate.values,
         None if run.contact is None else run.contact.values,
         max((change.time for change in changes), default=-math.inf),
-    ).metrics()
-    return replace(reached, notes=(*run.notes, *_events(run, changes)))
+    )
+    reached = samples.metrics()
+    chatter = chatter_notes(
+        run.torque.values, samples.torques(), run.parameters, run.mechanism.joints
+    )
+    return replace(reached, notes=(*run.notes, *_events(run, changes), *chatter))
 
 
 def _events(run: Run, changes: Sequence[ParameterChange]) -> list[str]:
