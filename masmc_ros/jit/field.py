@@ -16,7 +16,7 @@ ONE = ''
 
 _KINDS = {'bool': 'i8', 'integer': 'i8', 'double': 'f8', 'doubles': 'f8'}
 
-_CHOSEN_WHEN_COMPILED = ('law', 'switching', 'command_interface')
+_CHOSEN_WHEN_COMPILED = ('law', 'switching', 'command_interface', 'joint_limits')
 
 
 @dataclass(frozen=True)

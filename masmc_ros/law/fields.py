@@ -37,6 +37,7 @@ class Settings(LawSettings):
     freeze_when_saturated: int
     torque_limit: Joints
     torque_rate_limit: Joints
+    limit_deceleration: float
     velocity_source: int
     estimator_bandwidth: float
     enable_stamped_cmd_vel: int

@@ -19,6 +19,8 @@ from masmc_ros.errors import InputError
 from masmc_ros.jit.record import fill, lanes_of, take_over, uninitialised
 from masmc_ros.law.command_interface import check_agreement, is_hybrid, takes_rates
 from masmc_ros.law.law import Law
+from masmc_ros.law.parts.joint_limits import CHOICE as JOINT_LIMITS
+from masmc_ros.law.parts.joint_limits import is_enforced
 from masmc_ros.law.rates import RATES
 from masmc_ros.law.reaching.reaching import shortcut_of
 from masmc_ros.law.registry import load_for
@@ -57,7 +59,7 @@ _MOST_VECTORISED = 8
 
 _OF_ALL = {
     'plant': ('control_period', 'duration', 'integrator_step', 'command_interface', 'physics'),
-    'controller': ('law', 'switching', 'command_interface'),
+    'controller': ('law', 'switching', 'command_interface', JOINT_LIMITS.name),
 }
 """Parameters that must be equal in all lanes, by node; so must those of the path."""
 
@@ -104,11 +106,20 @@ class BatchSimulation:
             if run['trajectory'] != first['trajectory']
         }
         compensated = records.is_compensated(control)
+        limited = is_enforced(control, mechanism)
         settings, read = _law_settings(
-            mechanism, law, control['switching'], lanes, is_hybrid(control), compensated
+            mechanism,
+            law,
+            control['switching'],
+            lanes,
+            hybrid=is_hybrid(control),
+            compensated=compensated,
+            limited=limited,
         )
         self._settings = settings.copy()
-        self._learned = records.law_memory(mechanism, law, lanes, compensated=compensated)
+        self._learned = records.law_memory(
+            mechanism, law, lanes, compensated=compensated, limited=limited
+        )
         self._plant = records.plant_settings(
             mechanism, lanes, has_effects=any(has_effects(run['plant']) for run in runs)
         )
@@ -129,7 +140,8 @@ class BatchSimulation:
     def _with_shortcut(self, law: Law, control: Values) -> Records | None:
         """Return the settings with the shortcut of the reaching term; None without use for it."""
         name = shortcut_of(control['switching']) if law.uses_switching else ''
-        if is_hybrid(control) or records.is_compensated(control):
+        is_special = is_hybrid(control) or records.is_compensated(control)
+        if is_special or is_enforced(control, self.mechanism):
             name = ''
         lanes = lanes_of(self._now)
         if not name or lanes == 1 or self.mechanism.sizes['positions'] > _MOST_VECTORISED:
@@ -291,12 +303,25 @@ def _shared_trajectory(values: Values, period: float) -> Trajectory:
 
 @lru_cache(maxsize=16)
 def _law_settings(
-    mechanism: Mechanism, law: Law, switching: str, lanes: int, hybrid: bool, compensated: bool
+    mechanism: Mechanism,
+    law: Law,
+    switching: str,
+    lanes: int,
+    *,
+    hybrid: bool,
+    compensated: bool,
+    limited: bool,
 ) -> tuple[Records, tuple[tuple[Parameter, str], ...]]:
     """Return empty settings of a checked law, and the parameters to write into them."""
     check(law, mechanism, switching)
     settings = records.law_settings(
-        mechanism, law, switching, lanes, is_hybrid=hybrid, compensated=compensated
+        mechanism,
+        law,
+        switching,
+        lanes,
+        is_hybrid=hybrid,
+        compensated=compensated,
+        limited=limited,
     )
     return settings, records.read_by(settings, mechanism)
 

@@ -39,7 +39,7 @@ from masmc_ros.jit.sized_records import has_layout
 from masmc_ros.jit.tuples import dot, elementwise, joined, tail, thirds
 from masmc_ros.jit.vectors import check_workspace, free, mark
 from masmc_ros.law import law
-from masmc_ros.law.parts import delay_compensation
+from masmc_ros.law.parts import delay_compensation, joint_limits
 from masmc_ros.law.parts.command_limits import within_limits
 from masmc_ros.law.parts.delay_prediction import State
 from masmc_ros.law.parts.velocity_estimator import estimate_rates
@@ -167,9 +167,18 @@ def reduce_torque(
 
 @kernel
 def limit_torque(settings: Records, memory: Records, signals: Records) -> None:
-    """Limit `raw_torque` of a plain-Python law in magnitude and rate; write `torque`."""
+    """Limit `raw_torque` of a plain-Python law as those of other laws; write `torque`."""
     gains, state, row = lane_of(settings[0], 0), lane_of(memory[0], 0), lane_of(signals[0], 0)
-    state.commanded = within_limits(gains, row.raw_torque, state.commanded)
+    before = state.commanded
+    state.commanded = joint_limits.kept_torque(
+        gains,
+        state,
+        mechanism.posture(mechanism.model_of(gains), row.position),
+        tail(row.position, before),
+        tail(row.velocity, before),
+        before,
+        within_limits(gains, row.raw_torque, before),
+    )
     row.torque = state.commanded
     check_workspace(row)
 

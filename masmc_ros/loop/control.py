@@ -14,7 +14,7 @@ from masmc_ros.jit.tuples import elementwise, tail, thirds
 from masmc_ros.jit.vectors import free, mark
 from masmc_ros.law import law
 from masmc_ros.law.fields import Memory, Settings
-from masmc_ros.law.parts import delay_compensation, moving_base, velocity_estimator
+from masmc_ros.law.parts import delay_compensation, joint_limits, moving_base, velocity_estimator
 from masmc_ros.law.parts.command_limits import within_limits
 from masmc_ros.law.parts.delay_prediction import State
 from masmc_ros.law.parts.model import ESTIMATE
@@ -149,7 +149,15 @@ def _control(settings: Settings, memory: Memory, signals: Signals) -> None:
     raw = law.torque(settings, tick, memory)
     raw = delay_compensation.reduced_torque(settings, memory, posture, raw)
     raw = moving_base.commanded_torque(settings, memory, tick.command, raw)
-    torque = within_limits(settings, raw, before)
+    torque = joint_limits.kept_torque(
+        settings,
+        memory,
+        posture,
+        tail(state.position, before),
+        state.rates,
+        before,
+        within_limits(settings, raw, before),
+    )
     memory.commanded = torque
     law.learn(settings, tick, memory, raw, torque)
     # The estimate of the compensation includes the drift.

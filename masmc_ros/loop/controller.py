@@ -16,6 +16,8 @@ from masmc_ros.law.command_interface import by_velocity, is_hybrid, takes_rates
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts import velocity_estimator
 from masmc_ros.law.parts.delay_fields import HISTORY
+from masmc_ros.law.parts.joint_limits import is_enforced
+from masmc_ros.law.parts.joint_limits import MEMORY as LIMIT_MEMORY
 from masmc_ros.law.parts.model import PAYLOAD
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES
 from masmc_ros.law.plug_in import PlugInLaw
@@ -65,6 +67,8 @@ class Controller:
         True for joints (joints) with a commanded velocity.
     is_compensated
         True if latency is compensated.
+    keeps_joint_limits
+        True if joint limits are enforced.
 
     """
 
@@ -101,6 +105,7 @@ class Controller:
         self._law: Law = registry.OF_RATES
         self._kernel: Callable[..., int] | None = None
         self.is_compensated = records.is_compensated(values)
+        self.keeps_joint_limits = is_enforced(values, self.mechanism)
         self._stamp_age = 0.0
         self.memory = self._new_memory()
         self._choose(values)
@@ -125,8 +130,17 @@ class Controller:
 
     @property
     def has_limits(self) -> bool:
-        """Return True if torques or their rates are limited."""
-        return any(self.values['torque_limit']) or any(self.values['torque_rate_limit'])
+        """Return True if torques, their rates or the motion of joints are limited."""
+        return (
+            self.keeps_joint_limits
+            or any(self.values['torque_limit'])
+            or any(self.values['torque_rate_limit'])
+        )
+
+    @property
+    def limited_ticks(self) -> int:
+        """Return the number of ticks in which joint limits changed the torque."""
+        return int(self.memory['limited_ticks'][0, 0]) if self.keeps_joint_limits else 0
 
     def reset(self) -> None:
         """Reset the adaptation and the last command, as at the start."""
@@ -177,7 +191,8 @@ class Controller:
 
     def reset_adaptation(self) -> None:
         """Reset the adaptation: set theta_hat to nominal and re-initialise the law's memory."""
-        kept = ('velocity_command', *(field.name for field in velocity_estimator.MEMORY))
+        fields = (*velocity_estimator.MEMORY, *(LIMIT_MEMORY if self.keeps_joint_limits else ()))
+        kept = ('velocity_command', *(field.name for field in fields))
         before, self.memory = self.memory, self._new_memory()
         for name in kept:
             self.memory[name] = before[name]
@@ -320,12 +335,15 @@ class Controller:
             values['switching'],
             is_hybrid=self.is_hybrid,
             compensated=compensated,
+            limited=self.keeps_joint_limits,
         )
         records.write_law(settings, self.robot, self.period, values)
         if compensated:
             fill(settings, 'stamp_age', self._stamp_age)
         read = records.read_by(settings, self.mechanism)
-        memory = records.law_memory(self.mechanism, law, compensated=compensated)
+        memory = records.law_memory(
+            self.mechanism, law, compensated=compensated, limited=self.keeps_joint_limits
+        )
         take_over(memory, self.memory)
         # An invalid law has raised by now, and the active one is unchanged.
         self._law, self._plug_in, self._kernel = law, plug_in, None
@@ -340,7 +358,12 @@ class Controller:
         fill(self.settings, 'nominal', nominal)
 
     def _new_memory(self) -> Records:
-        return records.law_memory(self.mechanism, self._law, compensated=self.is_compensated)
+        return records.law_memory(
+            self.mechanism,
+            self._law,
+            compensated=self.is_compensated,
+            limited=self.keeps_joint_limits,
+        )
 
     def _apply(self, values: Values) -> None:
         self.values = dict(values)

@@ -41,6 +41,8 @@ from masmc_ros.law import registry
 from masmc_ros.law.command_interface import COMMAND_INTERFACE, is_hybrid, takes_rates
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts.delay_fields import ENABLING
+from masmc_ros.law.parts.joint_limits import CHOICE as JOINT_LIMITS
+from masmc_ros.law.parts.joint_limits import is_enforced
 from masmc_ros.law.rasmc import RASMC
 from masmc_ros.law.smc import SMC
 from masmc_ros.loop import records
@@ -120,12 +122,18 @@ def code_of_law(
     *,
     is_hybrid: bool = False,
     compensated: bool = False,
+    limited: bool = False,
 ) -> Code:
     """Return the code of a compiled law for a type of robot."""
     signals = records.signals(mechanism)
-    memory = records.law_memory(mechanism, law, compensated=compensated)
+    memory = records.law_memory(mechanism, law, compensated=compensated, limited=limited)
     settings = records.law_settings(
-        mechanism, law, switching, is_hybrid=is_hybrid, compensated=compensated
+        mechanism,
+        law,
+        switching,
+        is_hybrid=is_hybrid,
+        compensated=compensated,
+        limited=limited,
     )
     return Code(
         (law.name, switching if law.uses_switching else '', compensated),
@@ -138,12 +146,19 @@ def code_of_law(
 
 
 def code_of_plain_law(
-    mechanism: Mechanism, name: str, switching: str, *, compensated: bool = False
+    mechanism: Mechanism,
+    name: str,
+    switching: str,
+    *,
+    compensated: bool = False,
+    limited: bool = False,
 ) -> Code:
     """Return the code around a user law in plain Python for a type of robot."""
     signals = records.signals(mechanism)
-    memory = records.law_memory(mechanism, SMC, compensated=compensated)
-    settings = records.law_settings(mechanism, SMC, switching, compensated=compensated)
+    memory = records.law_memory(mechanism, SMC, compensated=compensated, limited=limited)
+    settings = records.law_settings(
+        mechanism, SMC, switching, compensated=compensated, limited=limited
+    )
     before: tuple[_Call, ...] = (
         (estimate_velocity, (settings, memory, signals)),
     )
@@ -167,6 +182,7 @@ def code_for(mechanism: Mechanism, values: Values) -> Code:
     compensated = records.is_compensated(values)
     if takes_rates(values):
         return code_of_law(mechanism, registry.OF_RATES, values['switching'])
+    limited = is_enforced(values, mechanism)
     law = registry.load_for(values['law'], mechanism)
     if isinstance(law, Law):
         return code_of_law(
@@ -175,9 +191,10 @@ def code_for(mechanism: Mechanism, values: Values) -> Code:
             values['switching'],
             is_hybrid=is_hybrid(values),
             compensated=compensated,
+            limited=limited,
         )
     return code_of_plain_law(
-        mechanism, values['law'], values['switching'], compensated=compensated
+        mechanism, values['law'], values['switching'], compensated=compensated, limited=limited
     )
 
 
@@ -465,7 +482,8 @@ class _Making(Thread):
         self.duration = 0.0
         self._mechanism, self._preparation = mechanism, preparation
         self._is_awaited = is_awaited
-        self._values = {name: values[name] for name in (*CHOOSES_CODE, COMMAND_INTERFACE.name)}
+        names = (*CHOOSES_CODE, COMMAND_INTERFACE.name, JOINT_LIMITS.name)
+        self._values = {name: values[name] for name in names}
         self._lock = Lock()
         self._is_stopped = False
         self._process: subprocess.Popen[bytes] | None = None

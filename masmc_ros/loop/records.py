@@ -19,7 +19,7 @@ from masmc_ros.jit.record import AT_RUN_TIME, fill, new_record
 from masmc_ros.law.command_interface import by_velocity, takes_rates
 from masmc_ros.law.declared import declared_for
 from masmc_ros.law.law import Law
-from masmc_ros.law.parts import delay_compensation, delay_fields
+from masmc_ros.law.parts import delay_compensation, delay_fields, joint_limits
 from masmc_ros.law.parts.moving_base import BY_TORQUE, BY_VELOCITY
 from masmc_ros.law.registry import parameters, REACHING, shared_parameters
 from masmc_ros.loop import control
@@ -40,16 +40,20 @@ def law_settings(
     *,
     is_hybrid: bool = False,
     compensated: bool = False,
+    limited: bool = False,
 ) -> Records:
     """
     Return the settings of a law, all zero: shared parameters and those of the law.
 
     `is_hybrid`: the base follows velocities, and the arm torques. `compensated`: latency is
-    compensated.
+    compensated. `limited`: joint limits are enforced.
     """
     own = (*shared_parameters(mechanism), *law.parameters)
     declared = map(field_of, declared_for(mechanism, own))
-    further = delay_fields.SETTINGS if compensated else ()
+    further = (
+        *(joint_limits.SETTINGS if limited else ()),
+        *(delay_fields.SETTINGS if compensated else ()),
+    )
     fields = (*further, *control.SETTINGS, *(field for field in declared if field is not None))
     tags = {
         'mechanism': mechanism.tag,
@@ -57,6 +61,7 @@ def law_settings(
         'switching': switching if law.uses_switching else '',
         'base': BY_VELOCITY if is_hybrid else BY_TORQUE,
         'compensation': delay_compensation.ON if compensated else delay_compensation.OFF,
+        'limits': joint_limits.ON if limited else joint_limits.OFF,
     }
     return new_record(fields, mechanism.sizes, lanes, tags, is_constant=True)
 
@@ -75,6 +80,10 @@ def write_law(
     fill(settings, 'takes_rates', takes_rates(values), lane)
     fill(settings, 'by_velocity', by_velocity(values, robot.mechanism), lane)
     fill(settings, 'group', robot.mechanism.group_of_joints, lane)
+    if joint_limits.is_enforced(values, robot.mechanism):
+        kept = joint_limits.kept_limits(robot.mechanism)
+        for field, limit in zip(joint_limits.SETTINGS, kept, strict=True):
+            fill(settings, field.name, limit, lane)
 
 
 def nominal_theta(robot: Robot, values: Values) -> NDArray[np.float64]:
@@ -96,10 +105,16 @@ def law_tag(law: Law) -> str:
 
 
 def law_memory(
-    mechanism: Mechanism, law: Law, lanes: int = 1, *, compensated: bool = False
+    mechanism: Mechanism,
+    law: Law,
+    lanes: int = 1,
+    *,
+    compensated: bool = False,
+    limited: bool = False,
 ) -> Records:
-    """Return the initial memory of a law."""
-    return new_record(_memory_fields(law, compensated=compensated), mechanism.sizes, lanes)
+    """Return the initial memory of a law; see `law_settings`."""
+    fields = _memory_fields(law, compensated=compensated, limited=limited)
+    return new_record(fields, mechanism.sizes, lanes)
 
 
 def of_tick_before(law: Law, *, compensated: bool = False) -> tuple[str, ...]:
@@ -108,10 +123,13 @@ def of_tick_before(law: Law, *, compensated: bool = False) -> tuple[str, ...]:
     return tuple(field.name for field in fields if math.isnan(field.initial))
 
 
-def _memory_fields(law: Law, *, compensated: bool) -> tuple[Field, ...]:
+def _memory_fields(law: Law, *, compensated: bool, limited: bool = False) -> tuple[Field, ...]:
     terms = (field for term in REACHING.values() for field in term.memory)
     # In front: Numba would accept a record with more fields at its end as one without them.
-    further = delay_fields.MEMORY if compensated else ()
+    further = (
+        *(joint_limits.MEMORY if limited else ()),
+        *(delay_fields.MEMORY if compensated else ()),
+    )
     return (*further, *control.MEMORY, *law.memory, *terms)
 
 

@@ -118,6 +118,8 @@ def _ros2(words: Sequence[str], folder: Path) -> None:
             assert topic in {t.name for t in TOPICS} | {f'/{t.name}' for t in TOPICS}
         case ['topic', 'pub', '--once', topic, kind, text]:
             read_path(topic.lstrip('/'), typed_message(kind, text))
+        case ['run', 'teleop_twist_keyboard', *_, '--remap', names]:
+            assert names.partition(':=/')[2] in PathMessages(DEFAULT, JOINTS, '').topics
         case ['bag', *_] | ['run', 'foxglove_bridge', *_]:
             pass  # another package
         case _:

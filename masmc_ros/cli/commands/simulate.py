@@ -169,12 +169,14 @@ def run(options: argparse.Namespace) -> int:
         samples.torque, samples.torques(), source.values, mechanism.joints
     )
     has_contact = len(simulation.plant.contact) > 0
+    limited = simulation.controller.limited_ticks
     if options.json:
         print(json_text({
             **json_table(metrics),
             'ticks': ticks,
             'singular_ticks': singular - ended,
             'range_end_ticks': ended,
+            'joint_limited_ticks': limited,
             **course.counts(),
             'fastest_slip': slip if has_contact else None,
             'chatter': chatter[0] if chatter else None,
@@ -192,6 +194,11 @@ def run(options: argparse.Namespace) -> int:
             print(f'fastest slip of a wheel: {1000.0 * slip:.3g} mm/s')
         if sys.stdout is not None and sys.stdout.isatty():
             print(f'next: {_next_step(options.file, path)}')
+    if limited:
+        print(
+            f'warning: joint limits changed the torque at {limited} of {ticks} ticks',
+            file=sys.stderr,
+        )
     if ended:
         print(
             f'warning: {mechanism.range_ends_text(ends)} at {ended} of {ticks} ticks; motion for'

@@ -203,6 +203,7 @@ class ControllerHealth:
             '|s| (m/s)': f'{float(np.linalg.norm(controller.surface)):.6g}',
             '|theta_hat|': f'{float(np.linalg.norm(controller.estimate)):.6g}',
             **self._saturation.report(),
+            'ticks with torque changed by joint limits': str(controller.limited_ticks),
             **output.figures(),
             **rejected_messages.figures(),
             **figures,
