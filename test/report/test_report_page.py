@@ -34,9 +34,10 @@ from masmc_ros.messages.commands import ArmVelocityCdr
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.platform_messages import TwistCdr
 from masmc_ros.messages.topics import TWIST
+from masmc_ros.report.digest import digests_of
 from masmc_ros.report.measure.labels import labels
 from masmc_ros.report.measure.metrics import metrics
-from masmc_ros.report.measure.tracking import Compared, tracking
+from masmc_ros.report.measure.tracking import tracking
 from masmc_ros.report.page.page import report_page
 from masmc_ros.robot.joint_names import joint_names_of
 from masmc_ros.robot.mechanisms import mechanism_from
@@ -49,10 +50,7 @@ TIMES = ticks()
 
 def html(*runs: Run) -> str:
     """Return the report of runs."""
-    compared = [
-        Compared(label, run, tracking(run)) for label, run in zip(labels(runs), runs, strict=True)
-    ]
-    return report_page(compared, [metrics(run) for run in runs])
+    return report_page(labels(runs), list(digests_of(runs)), range(len(runs)))
 
 
 def page(*runs: Run) -> Page:

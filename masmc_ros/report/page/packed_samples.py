@@ -14,8 +14,26 @@ import numpy as np
 MOST = 200_000
 """Maximum number of ranges of a line, each with two values; shorter lines have every sample."""
 
+COMPLETE = 2
+"""Maximum number of runs of a page with all samples."""
+
+_RANGES = 13_000
+"""Number of ranges of one line of all runs together; a page of 20 runs has 5 MB."""
+
+_FEWEST = 50
+"""Minimum number of ranges of a line; a page of 1000 runs has 20 MB."""
+
 _LARGEST = float(np.finfo(np.float32).max)
 _NANOSECONDS = 1.0e9
+
+
+def ranges_per_line(runs: int) -> int:
+    """
+    Return the maximum number of ranges of samples of a line, of a page with some runs.
+
+    Pages of one or two runs contain all samples of common logs.
+    """
+    return MOST if runs <= COMPLETE else max(_FEWEST, _RANGES // runs)
 
 
 def packed_signal(times: Array, values: Array, most: int = MOST) -> dict[str, str]:
