@@ -20,6 +20,7 @@ const cursor = (() => {
 
   const parts = new Map();
   const show = (time) => {
+    replay.show(time);
     for (const [chart, { line, values, contentOf }] of parts) {
       const { xaxis, yaxis } = chart._fullLayout;
       const isSeen = time >= xaxis.range[0] && time <= xaxis.range[1];
@@ -49,5 +50,5 @@ const cursor = (() => {
     });
   };
 
-  return { attach };
+  return { attach, show };
 })();

@@ -15,9 +15,9 @@ from masmc_ros.log.read.decode import Series
 from masmc_ros.log.read.reader import Run
 from masmc_ros.loop.signals import CONTACT, PUBLISHED, Signal
 from masmc_ros.report.measure.adaptation import Adaptation
-from masmc_ros.report.measure.parameters import run_changes
+from masmc_ros.report.measure.parameters import run_changes, run_robot
 from masmc_ros.report.measure.tracking import Compared, Tracking
-from masmc_ros.report.page.packed_samples import packed_path
+from masmc_ros.report.page.packed_samples import packed_path, packed_robot, REPLAYED
 from masmc_ros.report.page.time_plot import Figure, panel_plot, time_plot
 from masmc_ros.report.panels import (
     adaptation_panels,
@@ -112,6 +112,10 @@ def run_plots(compared: Compared, ranges: int, *, has_estimates: bool) -> list[P
     path = path_panel(run, compared.tracked)
     plane = panel_plot(path, '<i>x</i> (m)', partial(packed_path, most=ranges))
     plane['layout']['yaxis']['scaleanchor'] = 'x'
+    robot = run_robot(run)
+    if robot is not None and ranges >= REPLAYED:
+        replayed = packed_robot(robot, run.times - run.times[0], run.position)
+        plane['layout']['meta'] = {'robot': replayed}
     return [Plot(path.name, path.title, plane, is_over_time=False)] + [
         Plot(panel.name, panel.title, time_plot(panel, span, changes, ranges=ranges))
         for panel in _shown(run, compared.tracked)

@@ -9,6 +9,7 @@ import base64
 import zlib
 
 from masmc_ros.aliases import AnyArray, Array
+from masmc_ros.robot.robot import Robot
 import numpy as np
 
 MOST = 200_000
@@ -22,6 +23,12 @@ _RANGES = 13_000
 
 _FEWEST = 50
 """Minimum number of ranges of a line; a page of 1000 runs has 20 MB."""
+
+REPLAYED = 500
+"""Minimum number of ranges of lines with which runs have a replay: pages of up to 26 runs."""
+
+_INSTANTS = 200
+"""Maximum number of instants of a replay; the page interpolates between them."""
 
 _LARGEST = float(np.finfo(np.float32).max)
 _NANOSECONDS = 1.0e9
@@ -71,6 +78,32 @@ def packed_path(x: Array, y: Array, most: int = MOST) -> dict[str, str]:
     """
     kept = np.unique(np.append(np.arange(0, len(x), _size(len(x), most)), len(x) - 1))
     return {'x': _packed(x[kept]), 'y': _packed(y[kept])}
+
+
+def packed_robot(robot: Robot, times: Array, positions: Array) -> dict[str, object]:
+    """
+    Return the outline of a robot in top view at instants evenly spread over a run.
+
+    Parameters
+    ----------
+    robot
+        Robot.
+    times
+        (n) in s from the first state.
+    positions
+        (n, positions) in the order of joint_states.
+
+    """
+    count = min(_INSTANTS, len(times))
+    places = np.linspace(0, len(times) - 1, count).round().astype(int)
+    draw, geometry = robot.mechanism.formulas.outline, robot.geometry
+    outlines = [draw(geometry, positions[place]).shapes for place in places]
+    points = np.array([np.concatenate([s.points for s in shapes]).ravel() for shapes in outlines])
+    return {
+        'times': np.round(times[places], 6).tolist(),
+        'parts': [[shape.kind, len(shape.points)] for shape in outlines[0]],
+        'points': _packed(points.T.ravel()),  # those of a coordinate differ little
+    }
 
 
 def _size(count: int, most: int) -> int:

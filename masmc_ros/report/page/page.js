@@ -182,6 +182,8 @@
       if (chart.classList.contains('over-time')) {
         overTime.push(chart);
         cursor.attach(chart, (each) => held.get(each));
+      } else if (chart.layout.meta?.robot) {
+        await replay.attach(chart, chart.layout.meta.robot, cursor.show);
       }
     }
     document.documentElement.dataset.drawn = charts.length;

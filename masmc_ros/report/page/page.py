@@ -31,7 +31,9 @@ if TYPE_CHECKING:
 
 _SOURCES = Path(__file__).parent
 _PAGE = _SOURCES / 'page.html'
-_SCRIPTS = ('library.js', 'lines.js', 'cursor.js', 'table.js', 'trends.js', 'page.js')
+_SCRIPTS = (
+    'library.js', 'lines.js', 'replay.js', 'cursor.js', 'table.js', 'trends.js', 'page.js',
+)  # fmt: skip
 _NAMED = 3
 """Maximum number of runs in the title of the page."""
 
