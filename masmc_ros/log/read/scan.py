@@ -191,20 +191,25 @@ class _Collector:
 
     def _add_chunk(self, content: bytes) -> None:
         """Add the records of a chunk, nearly all of which are messages."""
-        end, size, head = 0, len(content), codec.MESSAGE_HEAD
+        end, size, topics = 0, len(content), self._topics
+        unpack, content_at, shortest = (
+            codec.MESSAGE_HEAD.unpack_from, codec.RECORD_HEAD.size, codec.MESSAGE_HEAD.size
+        )  # fmt: skip
         while end < size:
             # A loop without calls: a run of 20 s has 140 000 messages.
-            while not self._repeated and end + head.size <= size:
-                opcode, length, channel, _, log_time, _ = head.unpack_from(content, end)
-                start, last = end + head.size, end + codec.RECORD_HEAD.size + length
+            number, last_start = self._number, -1 if self._repeated else size - shortest
+            while end <= last_start:
+                opcode, length, channel, _, log_time, _ = unpack(content, end)
+                start, last = end + shortest, end + content_at + length
                 if opcode != _MESSAGE_OPCODE or not start <= last <= size:
                     break
-                topic = self._topics[channel]
-                topic.orders.append(self._number)
-                self._number += 1
-                topic.log_times.append(min(log_time, LATEST_TIME))
+                topic = topics[channel]
+                topic.orders.append(number)
+                number += 1
+                topic.log_times.append(log_time if log_time < LATEST_TIME else LATEST_TIME)
                 topic.messages.append(content[start:last])
                 end = last
+            self._number = number
             if end == size:
                 return
             other = next(codec.records(content, end), None)
