@@ -9,8 +9,7 @@ Texts are HTML of plotly, with symbols in italics; `style.mathtext` converts the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from functools import partial
+from collections.abc import Iterable, Iterator, Sequence
 from html import escape
 from typing import NamedTuple
 
@@ -20,7 +19,7 @@ from masmc_ros.log.read.reader import Run
 from masmc_ros.report.measure.adaptation import Adaptation
 from masmc_ros.report.measure.table import DIGITS, number
 from masmc_ros.report.measure.tracking import Compared, Tracking
-from masmc_ros.robot.declaration import Mechanism, Point, Quantity
+from masmc_ros.robot.declaration import Point, Quantity
 import numpy as np
 
 COLOURS = ('blue', 'vermillion', 'green', 'purple', 'orange', 'sky', 'ink')
@@ -42,8 +41,11 @@ _LOWEST = 2.0
 _Vectors = tuple[Array, Array]
 """Times and vectors (n, m)."""
 
-_Subject = tuple[str, str, Callable[[Compared], _Vectors | None]]
-"""Title, quantity, and function that returns the vectors of a run, None if it has none."""
+_ERRORS, _TORQUES, _VELOCITIES = 'errors', 'torques', 'velocities'
+"""Kinds of panels of a comparison."""
+
+_Subject = tuple[str, str, str, _Vectors | None]
+"""Kind, title, quantity, and vectors of a run, None if it has none."""
 
 
 class Line(NamedTuple):
@@ -184,22 +186,49 @@ def signal_panels(
     return panels
 
 
-def comparison_panels(compared: Sequence[Compared]) -> list[Panel]:
+def distance_panels(compared: Compared, ranges: int) -> list[Panel]:
+    """
+    Return the distances of the points of a run from their references, and norms of its torques.
+
+    The torques are those of each group of joints. A run without torques has the commanded
+    velocities. Each panel has one line, of at most `ranges` ranges of samples.
+    """
+    panels = []
+    for kind, title, quantity, vectors in _subjects(compared):
+        times, values = vectors or (np.zeros(0), np.zeros((0, 1)))
+        x, y = _thinned(times, np.linalg.norm(values, axis=1), ranges)
+        panels.append(Panel(kind, title, quantity, [Line('', x, y, INK)]))
+    return panels
+
+
+def comparison_panels(of_runs: Sequence[tuple[str, Sequence[Panel]]]) -> list[Panel]:
     """
     Return the distances of all points from their references, and the norms of the torques.
 
-    The torques are those of each group of joints. If no run has torques, the panels have the
-    commanded velocities. Each panel has a line for each run, which is empty without data.
+    If no run has torques, the panels have the commanded velocities. Each panel has a line for
+    each run, which is empty without data.
+
+    Parameters
+    ----------
+    of_runs
+        Name and `distance_panels` of each run.
+
     """
-    panels = []
-    for place, (title, quantity, vectors) in enumerate(_subjects(compared)):
+    panels = [panel for _, of_run in of_runs for panel in of_run]
+    has_torques = any(panel.name == _TORQUES for panel in panels)
+    shown = [panel for panel in panels if not (has_torques and panel.name == _VELOCITIES)]
+    merged = []
+    titles = dict.fromkeys(p.title for p in sorted(shown, key=lambda p: p.name != _ERRORS))
+    for place, title in enumerate(titles):
         drawn = []
-        for run, entry in enumerate(compared):
-            times, values = vectors(entry) or (np.zeros(0), np.zeros((0, 1)))
-            norm = np.linalg.norm(values, axis=1)
-            drawn.append(Line(escape(entry.label), times, norm, *_style(run)))
-        panels.append(Panel(f'comparison_{place}', title, quantity, drawn))
-    return panels
+        for i, (label, of_run) in enumerate(of_runs):
+            own = [panel.lines[0] for panel in of_run if panel.title == title]
+            x, y = (own[0].x, own[0].y) if own else (np.zeros(0), np.zeros(0))
+            drawn.append(Line(escape(label), x, y, *_style(i)))
+        # Robots of other kinds may have further units.
+        quantity = max((panel.quantity for panel in shown if panel.title == title), key=len)
+        merged.append(Panel(f'comparison_{place}', title, quantity, drawn))
+    return merged
 
 
 def adaptation_panels(adapted: Sequence[tuple[str, Adaptation | None]]) -> list[Panel]:
@@ -263,31 +292,39 @@ def _most_moved(adapted: Sequence[Adaptation]) -> list[Quantity]:
     return [quantity for quantity in moves if quantity in chosen]
 
 
-def _subjects(compared: Sequence[Compared]) -> Iterator[_Subject]:
-    """Yield the subjects of the comparison for the robots of all runs, each once."""
-    kinds = tuple(dict.fromkeys(entry.run.mechanism for entry in compared))
-    for point in dict.fromkeys(point for kind in kinds for point in kind.points):
+def _subjects(compared: Compared) -> Iterator[_Subject]:
+    """Yield the subjects of the comparison for a run."""
+    run, kind = compared.run, compared.run.mechanism
+    for point in kind.points:
         quantity = f'<i>|e<sub>{point.symbol}</sub>|</i> ({point.small_unit})'
-        yield f'Tracking error of {point.title}', quantity, partial(Compared.errors, point=point)
-    if not all(entry.run.commands_rates for entry in compared):
-        for group in dict.fromkeys(group for kind in kinds for group in kind.groups):
-            owners = [kind for kind in kinds if group in kind.groups]
-            efforts = (joint.effort_unit for kind in owners for joint in kind.joints[group.joints])
-            vectors = partial(_columns, owners, 'torque', group.joints)
-            yield f'Commanded torques, {group.name}', _norm('τ', efforts), vectors
+        yield _ERRORS, f'Tracking error of {point.title}', quantity, compared.errors(point)
+    if not run.commands_rates:
+        for group in kind.groups:
+            efforts = (joint.effort_unit for joint in kind.joints[group.joints])
+            vectors = _columns(run, run.torque, group.joints)
+            yield _TORQUES, f'Commanded torques, {group.name}', _norm('τ', efforts), vectors
         return
-    for kind in kinds:
-        if kind.twist:
-            turns = [i for i, velocity in enumerate(kind.twist) if velocity.unit == 'rad/s']
-            chosen = turns or list(range(len(kind.twist)))
-            names = ' and '.join(kind.twist[i].name for i in chosen)
-            units = (kind.twist[i].unit for i in chosen)
-            vectors = partial(_columns, [kind], 'cmd_vel', chosen)
-            yield f'Commanded {names}', _norm('ω' if turns else 'v', units), vectors
-        if kind.own_rates:
-            units = (f'{joint.unit}/s' for joint in kind.own_rates)
-            vectors = partial(_columns, [kind], 'arm_rates', slice(None))
-            yield f'Commanded rates, {kind.groups[-1].name}', _norm('ω', units), vectors
+    if kind.twist:
+        turns = [i for i, velocity in enumerate(kind.twist) if velocity.unit == 'rad/s']
+        chosen = turns or list(range(len(kind.twist)))
+        names = ' and '.join(kind.twist[i].name for i in chosen)
+        quantity = _norm('ω' if turns else 'v', (kind.twist[i].unit for i in chosen))
+        yield _VELOCITIES, f'Commanded {names}', quantity, _columns(run, run.cmd_vel, chosen)
+    if kind.own_rates:
+        quantity = _norm('ω', (f'{joint.unit}/s' for joint in kind.own_rates))
+        vectors = _columns(run, run.arm_rates, slice(None))
+        yield _VELOCITIES, f'Commanded rates, {kind.groups[-1].name}', quantity, vectors
+
+
+def _thinned(x: Array, y: Array, ranges: int) -> tuple[Array, Array]:
+    """Return samples, of many the minimum and maximum of each of some ranges."""
+    if len(x) <= 2 * ranges:
+        return x, y
+    size = -(-len(x) // ranges)
+    starts = np.arange(0, len(x), size)
+    middles = np.minimum(starts + size // 2, len(x) - 1)
+    ends = np.fmin.reduceat(y, starts), np.fmax.reduceat(y, starts)
+    return np.stack((x[starts], x[middles]), axis=1).ravel(), np.stack(ends, axis=1).ravel()
 
 
 def _norm(symbol: str, units: Iterable[str]) -> str:
@@ -295,11 +332,6 @@ def _norm(symbol: str, units: Iterable[str]) -> str:
     return f'<i>|{symbol}|</i> ({", ".join(dict.fromkeys(units))})'
 
 
-def _columns(
-    robots: Sequence[Mechanism], name: str, columns: slice | list[int], compared: Compared
-) -> _Vectors | None:
-    """Return columns of a series of a run; None if the run is not of one of the robots."""
-    run = compared.run
-    series: Series = getattr(run, name)
-    is_known = run.mechanism in robots
-    return (series.times - run.times[0], series.values[:, columns]) if is_known else None
+def _columns(run: Run, series: Series, columns: slice | list[int]) -> _Vectors:
+    """Return columns of a series of a run."""
+    return series.times - run.times[0], series.values[:, columns]

@@ -14,6 +14,7 @@ from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import Run
 from masmc_ros.log.recover.overlap import check_apart
 from masmc_ros.output_files import check_folder, make_folder, write_file
+from masmc_ros.report.digest import compared_runs, digests_of
 from masmc_ros.report.draw.figures import draw_figures
 from masmc_ros.report.draw.style import FORMATS
 from masmc_ros.report.manifest import (
@@ -26,9 +27,8 @@ from masmc_ros.report.manifest import (
 )
 from masmc_ros.report.measure.differences import run_names
 from masmc_ros.report.measure.labels import labels
-from masmc_ros.report.measure.metrics import Metrics, metrics
+from masmc_ros.report.measure.metrics import Metrics
 from masmc_ros.report.measure.table import csv_table, markdown_table, text_table
-from masmc_ros.report.measure.tracking import Compared, tracking
 from masmc_ros.report.page.page import report_page
 import numpy as np
 
@@ -37,10 +37,11 @@ _TABLES = {'table.txt': text_table, 'table.md': markdown_table, 'metrics.csv': c
 
 
 class Report(NamedTuple):
-    """Files of a report, and the metrics of its runs by label."""
+    """Files of a report, the metrics of its runs by label, and sentences about their logs."""
 
     files: list[Path]
     metrics: Mapping[str, Metrics]
+    unread: list[str]
 
 
 @np.errstate(over='ignore', invalid='ignore')  # distances of a diverged run may be infinite
@@ -60,7 +61,7 @@ def write_report(
     Parameters
     ----------
     runs
-        at least one run.
+        at least one run; each is used once, and those with figures twice.
     directory
         the folder.
     file_format
@@ -81,14 +82,19 @@ def write_report(
     """
     if not runs:
         raise InputError('no runs to report; expected at least one log')
-    compared, reached = _measured(runs)
+    digests = list(digests_of(runs))
+    light = [entry.run for entry in digests]
+    names = run_names(light)
     # Files with numbers name runs by law and file, as their readers expect.
-    rows = dict(zip(labels(runs), reached, strict=True))
+    rows = {
+        label: entry.metrics for label, entry in zip(labels(light), digests, strict=True)
+    }
     directory = Path(directory)
     make_folder(directory)
     tables = {name: table(rows).encode() for name, table in _TABLES.items()}
-    figures = dict(draw_figures(compared, reached, file_format, has_all=has_all_figures))
-    files = {_PAGE: report_page(compared, reached).encode(), **tables, **figures}
+    figures = dict(draw_figures(runs, names, digests, file_format, has_all=has_all_figures))
+    page = report_page(names, digests, compared_runs(digests))
+    files = {_PAGE: page.encode(), **tables, **figures}
     earlier = read_manifest(directory)
     written: list[Entry] = []
     try:
@@ -102,21 +108,15 @@ def write_report(
         raise
     remove_stale(directory, earlier, files)
     paths = [*(directory / name for name in files), write_manifest(directory, written)]
-    return Report(paths, rows)
+    lines = [f'{entry.run.path}: {line}' for entry in digests for line in entry.unread]
+    return Report(paths, rows, lines)
 
 
 @np.errstate(over='ignore', invalid='ignore')  # as above
 def write_page(run: Run, path: Path) -> None:
     """Write the page of a run alone, without figures; InputError as for `write_report`."""
-    write_file(path, report_page(*_measured([run])).encode())
-
-
-def _measured(runs: Sequence[Run]) -> tuple[list[Compared], list[Metrics]]:
-    """Return runs with their names, and their metrics."""
-    compared = [
-        Compared(name, run, tracking(run)) for name, run in zip(run_names(runs), runs, strict=True)
-    ]
-    return compared, [metrics(entry.run, tracked=entry.tracked) for entry in compared]
+    digests = list(digests_of([run]))
+    write_file(path, report_page(run_names([run]), digests, [0]).encode())
 
 
 def check_report(logs: Sequence[str], directory: str | Path) -> None:

@@ -16,10 +16,10 @@ from masmc_ros.log.read.reader import read_run, Run
 from masmc_ros.loop.signals import CONTACT
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.report.columns import table_of
+from masmc_ros.report.digest import digests_of
 from masmc_ros.report.export import write_export
 from masmc_ros.report.measure.metrics import metrics
 from masmc_ros.report.measure.table import csv_table, markdown_table, text_table
-from masmc_ros.report.measure.tracking import Compared, tracking
 from masmc_ros.report.page.page import report_page
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
@@ -86,7 +86,7 @@ def test_contact_tables_without_contact_have_no_slip() -> None:
 
 def test_contact_page_plots_slip_and_forces() -> None:
     run = slipping()
-    page = Page(report_page([Compared('slips', run, tracking(run))], [metrics(run)]))
+    page = Page(report_page(['slips'], list(digests_of([run])), [0]))
     drawn = lines(page.figure('run-1-slip'))
     assert list(drawn) == [
         f'{joint}, {part}'

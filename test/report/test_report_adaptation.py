@@ -13,10 +13,9 @@ from helpers.report_html import lines, Page
 from helpers.report_runs import paper_like, telling
 import masmc_ros as masmc
 from masmc_ros.log.read.reader import Run
+from masmc_ros.report.digest import digests_of
 from masmc_ros.report.measure.adaptation import adaptation, assumed_model
-from masmc_ros.report.measure.metrics import metrics
 from masmc_ros.report.measure.parameters import robot_of_node
-from masmc_ros.report.measure.tracking import Compared, tracking
 from masmc_ros.report.page.page import report_page
 from masmc_ros.report.report import write_report
 from masmc_ros.robot.two_link.physical_parameters import ROBOT
@@ -39,8 +38,8 @@ def estimating(plant: dict[str, Any], path: str = 'a.mcap', **controller: Any) -
 
 def page_of(*runs: Run) -> Page:
     """Return the page of runs with the names of their files."""
-    compared = [Compared(run.path.stem, run, tracking(run)) for run in runs]
-    return Page(report_page(compared, [metrics(run) for run in runs]))
+    names = [run.path.stem for run in runs]
+    return Page(report_page(names, list(digests_of(runs)), range(len(runs))))
 
 
 def test_adaptation_of_simulated_plant_is_relative_to_truth() -> None:

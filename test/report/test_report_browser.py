@@ -43,6 +43,9 @@ LOOK = """
     buttons: [...document.querySelectorAll('[data-title]')].map((b) => b.dataset.title),
     canShare: charts.map((chart) => chart._context.showSendToCloud),
   };
+  const robots = () =>
+    [...document.querySelectorAll('.robot .body')].map((body) => body.getAttribute('points'));
+  found.robots = [robots()];
   const { left, top } = overTime[1].getBoundingClientRect();
   const { _offset: offset, _length: length } = overTime[1]._fullLayout.xaxis;
   overTime[1].dispatchEvent(new PointerEvent('pointermove', {
@@ -51,6 +54,8 @@ LOOK = """
   await settle();
   found.cursors = [...document.querySelectorAll('.cursor')].map((line) => !line.hidden);
   found.values = [...document.querySelectorAll('.values')].map((text) => text.textContent);
+  found.robots.push(robots());
+  found.sliders = [...document.querySelectorAll('.replay input')].map((slider) => +slider.value);
   found.units = overTime.map((chart) => chart.layout.yaxis.title.text);
   await Plotly.relayout(overTime[3], { 'xaxis.range[0]': 4, 'xaxis.range[1]': 6 });
   await settle();
@@ -109,6 +114,19 @@ def test_report_page_cursor_shows_values_of_all_plots(inspection: Mapping[str, A
         assert text.startswith('t = 10.000 s: ')
         unit = re.search(r'\(([^()]*)\)$', quantity)
         assert unit is None or text.endswith(f'({unit[1]})')
+
+
+@needs_webdriver
+def test_report_page_robot_follows_cursor(inspection: Mapping[str, Any]) -> None:
+    before, after = inspection['robots']
+    assert len(before) == len(after) == 2
+    assert inspection['sliders'] == pytest.approx([10.0, 10.0], abs=0.01)
+    for start, place in zip(before, after, strict=True):
+        (x0, y0), (x, y) = (np.array([p.split(',') for p in points.split()], float).mean(axis=0)
+                            for points in (start, place))  # fmt: skip
+        # The axle moves 2 m to the right, of 4 m in 20 s.
+        assert x - x0 > 50.0
+        assert abs(y - y0) < 2.0
 
 
 @pytest.mark.slow

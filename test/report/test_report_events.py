@@ -11,16 +11,15 @@ from helpers.report_html import lines, Page
 from helpers.report_runs import paper_like, telling, with_change
 from masmc_ros.log.read.reader import Run
 from masmc_ros.loop.controller_events import ACTIVATED, ADAPTATION_RESET, DEACTIVATED
+from masmc_ros.report.digest import digests_of
 from masmc_ros.report.measure.labels import labels
 from masmc_ros.report.measure.metrics import metrics
-from masmc_ros.report.measure.tracking import Compared, tracking
 from masmc_ros.report.page.page import report_page
 import numpy as np
 
 
 def page(run: Run) -> Page:
-    (label,) = labels([run])
-    return Page(report_page([Compared(label, run, tracking(run))], [metrics(run)]))
+    return Page(report_page(labels([run]), list(digests_of([run])), [0]))
 
 
 def with_limited_torque(run: Run) -> Run:

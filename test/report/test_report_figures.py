@@ -17,13 +17,14 @@ from hypothesis import given
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import Run
+from masmc_ros.report.digest import digests_of
 from masmc_ros.report.draw.comparison import comparison_figure
 from masmc_ros.report.draw.error import error_figure
 from masmc_ros.report.draw.figures import draw_figures, figure_names
 from masmc_ros.report.draw.style import figure_file, paper_style
 from masmc_ros.report.measure.labels import labels
 from masmc_ros.report.measure.metrics import metrics
-from masmc_ros.report.measure.tracking import Compared, tracking
+from masmc_ros.report.measure.tracking import tracking
 from masmc_ros.report.report import write_report
 from masmc_ros.robot.declaration import Point
 from masmc_ros.robot.mechanisms import DEFAULT
@@ -39,10 +40,7 @@ BLUE, VERMILLION, BLACK = (0, 114, 178), (213, 94, 0), (0, 0, 0)
 
 def figures(runs: list[Run]) -> dict[str, bytes]:
     """Draw all figures of runs."""
-    compared = [
-        Compared(label, run, tracking(run)) for label, run in zip(labels(runs), runs, strict=True)
-    ]
-    return dict(draw_figures(compared, [metrics(run) for run in runs]))
+    return dict(draw_figures(runs, labels(runs), list(digests_of(runs))))
 
 
 def pixels(data: bytes) -> np.ndarray:
@@ -166,17 +164,16 @@ def test_report_figures_any_file_name_is_drawn() -> None:
         replace(paper_like(f'{stem}.mcap', scale=2.0**i), parameters={})
         for i, stem in enumerate(stems)
     ]
-    compared = [
-        Compared(label, run, tracking(run)) for label, run in zip(labels(runs), runs, strict=True)
-    ]
+    distances = [entry.distances for entry in digests_of(runs)]
     with paper_style():
-        figure = comparison_figure(compared)
+        of_runs = list(zip(labels(runs), distances, strict=True))
+        figure = comparison_figure(of_runs, [0.0] * len(runs))
         assert share(pixels(figure_file(figure)), BLUE) > 1e-3
         (legend,) = filter(None, (axes.get_legend() for axes in figure.axes))
         texts = [text.get_text() for text in legend.get_texts()]
         assert texts == ['_hidden', r'cost \$x_{\$', r'\$\frac\$', f'…{"a" * 39}', '%s {} "']
-        for label, run, tracked in compared:
-            drawn = error_figure(tracked, metrics(run), label, DEFAULT.points[0])
+        for label, run in zip(labels(runs), runs, strict=True):
+            drawn = error_figure(tracking(run), metrics(run), label, DEFAULT.points[0])
             image = pixels(figure_file(drawn))
             assert share(image, BLUE) > 1e-3
             assert (image[:, -1] == 255).all()  # the name is complete

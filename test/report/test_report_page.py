@@ -14,7 +14,7 @@ from typing import Any
 
 from helpers.logged_runs import ARRAY, STATE, write_run
 from helpers.logged_runs import numbers as numbers_of_a_run
-from helpers.report_html import lines, numbers, Page
+from helpers.report_html import lines, numbers, Page, unpacked
 from helpers.report_runs import (
     later,
     none,
@@ -34,9 +34,11 @@ from masmc_ros.messages.commands import ArmVelocityCdr
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.platform_messages import TwistCdr
 from masmc_ros.messages.topics import TWIST
+from masmc_ros.report.digest import digests_of
 from masmc_ros.report.measure.labels import labels
 from masmc_ros.report.measure.metrics import metrics
-from masmc_ros.report.measure.tracking import Compared, tracking
+from masmc_ros.report.measure.parameters import run_robot
+from masmc_ros.report.measure.tracking import tracking
 from masmc_ros.report.page.page import report_page
 from masmc_ros.robot.joint_names import joint_names_of
 from masmc_ros.robot.mechanisms import mechanism_from
@@ -49,10 +51,7 @@ TIMES = ticks()
 
 def html(*runs: Run) -> str:
     """Return the report of runs."""
-    compared = [
-        Compared(label, run, tracking(run)) for label, run in zip(labels(runs), runs, strict=True)
-    ]
-    return report_page(compared, [metrics(run) for run in runs])
+    return report_page(labels(runs), list(digests_of(runs)), range(len(runs)))
 
 
 def page(*runs: Run) -> Page:
@@ -192,6 +191,21 @@ def test_report_page_path_plot_shows_both_points(both: Page, changed: Run) -> No
     assert not traces
     layout = both.figure('run-1-path')['layout']
     assert layout['yaxis']['scaleanchor'] == 'x'  # equal scales of x and y
+
+
+def test_report_page_replay_has_outlines_of_robot(both: Page, changed: Run) -> None:
+    robot = both.figure('run-1-path')['layout']['meta']['robot']
+    times, (kinds, sizes) = robot['times'], zip(*robot['parts'], strict=True)
+    assert (times[0], times[-1], len(times)) == (0.0, 20.0, 200)
+    assert kinds == ('body', 'part', 'part', 'links')
+    points = unpacked(robot['points']).reshape(-1, 2, len(times))
+    assert len(points) == sum(sizes)
+    known = run_robot(changed)
+    assert known is not None
+    place = round(times[70] * 100.0)
+    shapes = known.mechanism.formulas.outline(known.geometry, changed.position[place]).shapes
+    expected = np.concatenate([shape.points for shape in shapes])
+    np.testing.assert_allclose(points[:, :, 70], expected, atol=1e-6)
 
 
 def test_report_page_changes_are_marked_in_time_plots(both: Page) -> None:

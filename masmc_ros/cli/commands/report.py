@@ -11,12 +11,11 @@ import sys
 
 from masmc_ros.cli.arguments import add_json, add_logs, add_output
 from masmc_ros.json_text import json_text
-from masmc_ros.log.read.reader import read_run
 from masmc_ros.report.aligned import WIDTH
+from masmc_ros.report.digest import LogRuns
 from masmc_ros.report.draw.figures import FEW
 from masmc_ros.report.draw.style import FORMATS
 from masmc_ros.report.measure.metrics import Metrics
-from masmc_ros.report.measure.missing import unread
 from masmc_ros.report.measure.table import json_table, text_table
 from masmc_ros.report.report import check_report, write_report
 from tqdm import tqdm
@@ -79,13 +78,13 @@ def report(
 
     """
     check_report(logs, output)
-    runs = [read_run(log) for log in tqdm(logs, unit='log', desc='reading', disable=None)]
-    files, metrics = write_report(
-        runs, output, file_format, has_all_figures=has_all_figures
-    )
-    for logged in runs:
-        for line in unread(logged):
-            print(f'{logged.path}: {line}', file=sys.stderr)
+    progress = tqdm(total=len(logs), unit='log', desc='reading', disable=None)
+    with progress:
+        files, metrics, unread = write_report(
+            LogRuns(logs, progress.update), output, file_format, has_all_figures=has_all_figures
+        )
+    for line in unread:
+        print(line, file=sys.stderr)
     if is_json:
         print(json_text({**json_table(metrics), 'logs': logs, 'files': files}))
         return metrics

@@ -149,10 +149,14 @@ def decode_topic(topic: Topic, kind: MessageFormat) -> Series:
     stamps, values = np.zeros(count, np.int64), np.zeros((count, kind.width))
     usable = np.zeros(count, bool)
     groups: dict[Layout, list[int]] = defaultdict(list)
+    latest, members = None, []
     for index, raw in enumerate(topic.messages):
         layout = kind.layout(raw)
         if layout is not None and len(raw) == layout.size:
-            groups[layout].append(index)
+            # Nearly all messages have the layout of the one before; its hash takes long.
+            if layout is not latest:
+                latest, members = layout, groups[layout]
+            members.append(index)
     for layout, members in groups.items():
         matching, messages = layout.read([topic.messages[index] for index in members])
         stamps[members], values[members], has_stamp = kind.bulk(messages)

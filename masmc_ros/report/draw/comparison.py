@@ -9,9 +9,7 @@ from collections.abc import Sequence
 import math
 
 from masmc_ros.report.draw.style import draw_line, mathtext, new_figure, PAGE, time_axis
-from masmc_ros.report.measure.metrics import total_variation
-from masmc_ros.report.measure.tracking import Compared
-from masmc_ros.report.panels import comparison_panels, logarithmic_range
+from masmc_ros.report.panels import comparison_panels, logarithmic_range, Panel
 from matplotlib.figure import Figure
 
 _PANELS = 100.0
@@ -22,13 +20,25 @@ _LINE = 8
 """Width of a line of the legend in characters."""
 
 
-def comparison_figure(compared: Sequence[Compared]) -> Figure:
-    """Draw the panels of a comparison in two columns."""
-    longest = max(len(run.label) for run in compared) + _LINE
-    rows = math.ceil(len(compared) / max(1, _LEGEND_WIDTH // longest))
-    columns = math.ceil(len(compared) / rows)
+def comparison_figure(
+    of_runs: Sequence[tuple[str, Sequence[Panel]]], variations: Sequence[float]
+) -> Figure:
+    """
+    Draw the panels of a comparison in two columns.
+
+    Parameters
+    ----------
+    of_runs
+        Name and `distance_panels` of each run.
+    variations
+        Torque variation of each run.
+
+    """
+    longest = max(len(label) for label, _ in of_runs) + _LINE
+    rows = math.ceil(len(of_runs) / max(1, _LEGEND_WIDTH // longest))
+    columns = math.ceil(len(of_runs) / rows)
     above = _LEGEND_ROW * rows
-    panels = comparison_panels(compared)
+    panels = comparison_panels(of_runs)
     count = math.ceil(len(panels) / 2)
     height = _PANELS / 2
     figure = new_figure(PAGE, above + count * height)
@@ -37,8 +47,8 @@ def comparison_figure(compared: Sequence[Compared]) -> Figure:
         figure.add_subplot(layout[1 + number // 2, number % 2]) for number in range(len(panels))
     ]
     # Chattering lines cover all others, therefore they are drawn first.
-    indices = range(len(compared))
-    order = sorted(indices, key=lambda i: -total_variation(compared[i].run.torque.values))
+    indices = range(len(of_runs))
+    order = sorted(indices, key=lambda i: -variations[i])
     for depth, i in enumerate(order):
         for axes, panel in zip(drawn, panels, strict=True):
             draw_line(axes, panel.lines[i], linewidth=0.8, zorder=2.0 + depth / len(order))

@@ -9,15 +9,14 @@ from collections.abc import Iterator, Sequence
 
 from masmc_ros.log.read.reader import Run
 from masmc_ros.output_files import file_stem
+from masmc_ros.report.digest import compared_runs, Digest
 from masmc_ros.report.draw.adaptation_figure import adaptation_figure
 from masmc_ros.report.draw.comparison import comparison_figure
 from masmc_ros.report.draw.error import error_figure
 from masmc_ros.report.draw.path_figure import path_figure
 from masmc_ros.report.draw.style import figure_file, paper_style
-from masmc_ros.report.measure.adaptation import adaptation
 from masmc_ros.report.measure.labels import law_of, log_name
-from masmc_ros.report.measure.metrics import Metrics
-from masmc_ros.report.measure.tracking import Compared
+from masmc_ros.report.measure.tracking import tracking
 from masmc_ros.report.panels import adaptation_panels
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.mechanisms import DEFAULT
@@ -35,8 +34,9 @@ FEW = 6
 
 
 def draw_figures(
-    compared: Sequence[Compared],
-    reached: Sequence[Metrics],
+    runs: Sequence[Run],
+    names: Sequence[str],
+    digests: Sequence[Digest],
     file_format: str = 'png',
     *,
     has_all: bool = True,
@@ -49,8 +49,10 @@ def draw_figures(
 
     Parameters
     ----------
-    compared, reached
-        Runs with their names, and their metrics.
+    runs
+        Runs; of many runs only those with figures are used.
+    names, digests
+        Names and digests of the runs.
     file_format
         One of `style.FORMATS`.
     has_all
@@ -58,25 +60,29 @@ def draw_figures(
         numbers of the paper's figures have them.
 
     """
-    runs = [entry.run for entry in compared]
-    all_names = figure_names(runs, file_format)
+    all_files = figure_names([entry.run for entry in digests], file_format)
     with paper_style():
-        for entry, metrics, names in zip(compared, reached, all_names, strict=True):
-            if not (has_all or len(runs) <= FEW or names[0].startswith(_NUMBERED)):
+        for place, (name, entry, files) in enumerate(zip(names, digests, all_files, strict=True)):
+            if not (has_all or len(runs) <= FEW or files[0].startswith(_NUMBERED)):
                 continue
-            label, run, tracked = entry
+            run, points = runs[place], entry.metrics.points
+            tracked = tracking(run)
             figures: tuple[Figure | None, ...] = (
-                path_figure(run, tracked, label),
-                *(error_figure(tracked, metrics, label, point) for point in metrics.points),
+                path_figure(run, tracked, name),
+                *(error_figure(tracked, entry.metrics, name, point) for point in points),
             )
-            for name, figure in zip(names, figures, strict=True):
+            for file, figure in zip(files, figures, strict=True):
                 if figure is not None:
-                    yield name, figure_file(figure, file_format)
-        comparison = comparison_figure(compared)
+                    yield file, figure_file(figure, file_format)
+        drawn = [(names[i], digests[i]) for i in compared_runs(digests)]
+        comparison = comparison_figure(
+            [(name, entry.distances) for name, entry in drawn],
+            [entry.metrics.torque_variation or 0.0 for _, entry in drawn],
+        )
         yield f'comparison.{file_format}', figure_file(comparison, file_format)
         adapted = adaptation_figure(
-            adaptation_panels([(entry.label, adaptation(entry.run)) for entry in compared]),
-            [entry.label for entry in compared]
+            adaptation_panels([(name, entry.adapted) for name, entry in drawn]),
+            [name for name, _ in drawn],
         )
         if adapted is not None:
             yield f'adaptation.{file_format}', figure_file(adapted, file_format)

@@ -57,6 +57,13 @@ class Adaptation(NamedTuple):
         errors: Array = _PERCENT * (self.ratios[-1] - 1.0)
         return errors
 
+    def thinned(self, samples: int) -> Adaptation:
+        """Return the adaptation with the first sample of each of some ranges, and the last."""
+        last = len(self.times) - 1
+        step = -(-len(self.times) // samples)
+        kept = np.unique(np.append(np.arange(0, last, step), last))
+        return self._replace(times=self.times[kept], ratios=self.ratios[kept])
+
 
 def adaptation(run: Run) -> Adaptation | None:
     """

@@ -18,39 +18,37 @@ const cursor = (() => {
     return `t = ${time.toFixed(3)} s: ${listed}${more}${unit && listed ? ` (${unit})` : ''}`;
   };
 
-  // `contentOf` returns samples, names and unit of a chart.
-  const attach = (charts, contentOf) => {
-    const parts = new Map();
-    for (const chart of charts) {
-      const line = document.createElement('div');
-      const values = document.createElement('p');
-      line.className = 'cursor';
-      values.className = 'note values';
-      line.hidden = true;
-      chart.append(line);
-      chart.after(values);
-      parts.set(chart, { line, values });
+  const parts = new Map();
+  const show = (time) => {
+    replay.show(time);
+    for (const [chart, { line, values, contentOf }] of parts) {
+      const { xaxis, yaxis } = chart._fullLayout;
+      const isSeen = time >= xaxis.range[0] && time <= xaxis.range[1];
+      line.hidden = !isSeen;
+      values.textContent = isSeen ? text(contentOf(chart), time) : '';
+      line.style.left = `${xaxis._offset + xaxis.d2p(time)}px`;
+      line.style.top = `${yaxis._offset}px`;
+      line.style.height = `${yaxis._length}px`;
     }
-    const show = (time) => {
-      for (const [chart, { line, values }] of parts) {
-        const { xaxis, yaxis } = chart._fullLayout;
-        const isSeen = time >= xaxis.range[0] && time <= xaxis.range[1];
-        line.hidden = !isSeen;
-        values.textContent = isSeen ? text(contentOf(chart), time) : '';
-        line.style.left = `${xaxis._offset + xaxis.d2p(time)}px`;
-        line.style.top = `${yaxis._offset}px`;
-        line.style.height = `${yaxis._length}px`;
-      }
-    };
-    let frame = 0;
-    const follow = (chart) => (event) => {
+  };
+  let frame = 0;
+  // `contentOf` returns samples, names and unit of a chart.
+  const attach = (chart, contentOf) => {
+    const line = document.createElement('div');
+    const values = document.createElement('p');
+    line.className = 'cursor';
+    values.className = 'note values';
+    line.hidden = true;
+    chart.append(line);
+    chart.after(values);
+    parts.set(chart, { line, values, contentOf });
+    chart.addEventListener('pointermove', (event) => {
       const { xaxis } = chart._fullLayout;
       const time = xaxis.p2d(event.clientX - chart.getBoundingClientRect().left - xaxis._offset);
       cancelAnimationFrame(frame);
       frame = requestAnimationFrame(() => show(time));
-    };
-    for (const chart of charts) chart.addEventListener('pointermove', follow(chart));
+    });
   };
 
-  return { attach };
+  return { attach, show };
 })();

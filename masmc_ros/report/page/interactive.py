@@ -15,10 +15,10 @@ from masmc_ros.log.read.decode import Series
 from masmc_ros.log.read.reader import Run
 from masmc_ros.loop.signals import CONTACT, PUBLISHED, Signal
 from masmc_ros.report.measure.adaptation import Adaptation
-from masmc_ros.report.measure.parameters import run_changes
+from masmc_ros.report.measure.parameters import run_changes, run_robot
 from masmc_ros.report.measure.tracking import Compared, Tracking
-from masmc_ros.report.page.packed_samples import MOST, packed_path
-from masmc_ros.report.page.time_plot import panel_plot, time_plot
+from masmc_ros.report.page.packed_samples import packed_path, packed_robot, REPLAYED
+from masmc_ros.report.page.time_plot import Figure, panel_plot, time_plot
 from masmc_ros.report.panels import (
     adaptation_panels,
     COLOURS,
@@ -31,16 +31,6 @@ from masmc_ros.report.panels import (
     path_panel,
 )
 import numpy as np
-import plotly.graph_objects as go
-
-COMPLETE = 2
-"""Maximum number of runs of a page with all samples."""
-
-_RANGES = 13_000
-"""Number of ranges of one line of all runs together; a page of 20 runs has 5 MB."""
-
-_FEWEST = 500
-"""Minimum number of ranges of a line, about the number of its columns of pixels."""
 
 _ESTIMATE = 'estimate'
 """Name of the panel of the estimates in SI units."""
@@ -68,30 +58,16 @@ class Plot(NamedTuple):
 
     name: str
     title: str
-    figure: go.Figure
+    figure: Figure
     is_over_time: bool = True
 
 
-def ranges_per_line(runs: int) -> int:
-    """
-    Return the maximum number of ranges of samples of a line, of a page with some runs.
-
-    Pages of one or two runs contain all samples of common logs.
-    """
-    return MOST if runs <= COMPLETE else max(_FEWEST, _RANGES // runs)
-
-
-def span_of(runs: Sequence[Run]) -> tuple[float, float]:
-    """Return the time from the first state to the last of the longest run, s."""
-    return 0.0, max(float(run.times[-1] - run.times[0]) for run in runs)
-
-
 def comparison_plots(
-    compared: Sequence[Compared], span: tuple[float, float], ranges: int
+    of_runs: Sequence[tuple[str, Sequence[Panel]]], span: tuple[float, float]
 ) -> list[Plot]:
     """Return the panels of a comparison, without those that no run has."""
     plots = []
-    for panel in comparison_panels(compared):
+    for panel in comparison_panels(of_runs):
         # A logarithmic axis does not show zero.
         drawn = [
             line._replace(y=np.where(line.y == 0.0, np.nan, line.y))
@@ -99,29 +75,25 @@ def comparison_plots(
             if len(line.x)
         ]
         if drawn:
-            figure = time_plot(
-                panel._replace(lines=drawn), span, ranges=ranges, is_logarithmic=True
-            )
-            figure.update_layout(showlegend=len(drawn) <= NAMED)
+            figure = time_plot(panel._replace(lines=drawn), span, is_logarithmic=True)
+            figure['layout']['showlegend'] = len(drawn) <= NAMED
             plots.append(Plot(panel.name, f'{panel.title}, all runs', figure))
     return plots
 
 
 def adaptation_plots(
-    adapted: Sequence[tuple[str, Adaptation | None]], span: tuple[float, float], ranges: int
+    adapted: Sequence[tuple[str, Adaptation | None]], span: tuple[float, float]
 ) -> list[Plot]:
     """Return a small plot for each parameter, with the estimates of all runs."""
     plots = []
     for panel in adaptation_panels(adapted):
-        figure = time_plot(panel, span, ranges=ranges)
-        figure.update_layout(showlegend=len(panel.lines) <= NAMED)
+        figure = time_plot(panel, span)
+        figure['layout']['showlegend'] = len(panel.lines) <= NAMED
         plots.append(Plot(panel.name, panel.title, figure))
     return plots
 
 
-def run_plots(
-    compared: Compared, span: tuple[float, float], ranges: int, *, has_estimates: bool
-) -> list[Plot]:
+def run_plots(compared: Compared, ranges: int, *, has_estimates: bool) -> list[Plot]:
     """
     Return the plots of all signals in the log of a run.
 
@@ -129,8 +101,6 @@ def run_plots(
     ----------
     compared
         the run.
-    span
-        start and end of the abscissa in s.
     ranges
         maximum number of ranges of samples of a line.
     has_estimates
@@ -138,9 +108,14 @@ def run_plots(
 
     """
     run, changes = compared.run, run_changes(compared.run)
+    span = (0.0, float(run.times[-1] - run.times[0]))
     path = path_panel(run, compared.tracked)
     plane = panel_plot(path, '<i>x</i> (m)', partial(packed_path, most=ranges))
-    plane.update_yaxes(scaleanchor='x')
+    plane['layout']['yaxis']['scaleanchor'] = 'x'
+    robot = run_robot(run)
+    if robot is not None and ranges >= REPLAYED:
+        replayed = packed_robot(robot, run.times - run.times[0], run.position)
+        plane['layout']['meta'] = {'robot': replayed}
     return [Plot(path.name, path.title, plane, is_over_time=False)] + [
         Plot(panel.name, panel.title, time_plot(panel, span, changes, ranges=ranges))
         for panel in _shown(run, compared.tracked)

@@ -153,5 +153,5 @@ const lines = (() => {
     return { x: await times(samples.x), low, high: samples.y ? low : await values(samples.high) };
   };
 
-  return { read, before, signal, path, extent, bounds };
+  return { read, values, before, signal, path, extent, bounds };
 })();

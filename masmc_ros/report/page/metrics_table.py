@@ -73,13 +73,23 @@ class PageTable(NamedTuple):
         return [max(len(cell.fraction) for cell in column) for column in columns]
 
 
-def metrics_table(rows: Mapping[str, Metrics], runs: Sequence[Run]) -> PageTable:
-    """Return the metrics of runs by name, with the parameters in which the runs differ."""
+def metrics_table(
+    rows: Mapping[str, Metrics], runs: Sequence[Run], links: Sequence[str]
+) -> PageTable:
+    """
+    Return the metrics of runs by name, with the parameters in which the runs differ.
+
+    Parameters
+    ----------
+    rows, runs, links
+        Metrics of the runs by name, the runs, and identifiers of their sections.
+
+    """
     differing = shown_differences(runs)[:_MOST]
     metric_columns = shown_columns(rows.values())
     top = [f'{name} {unit}'.rstrip() for name, unit in heads(rows)]
     columns = [
-        [_name_cell(place, name) for place, name in enumerate(rows, start=1)],
+        [Cell(name, key=name, link=link) for name, link in zip(rows, links, strict=True)],
         *(
             [_parameter_cell(value, text) for value, text in zip(d.values, d.texts, strict=True)]
             for d in differing
@@ -101,11 +111,21 @@ def hidden_differences(runs: Sequence[Run]) -> list[str]:
     return [entry.name for entry in shown_differences(runs)[_MOST:]]
 
 
-def adaptation_table(adapted: Sequence[tuple[str, Adaptation | None]]) -> PageTable:
-    """Return the final errors of the estimates in percent, of the runs that have estimates."""
+def adaptation_table(
+    adapted: Sequence[tuple[str, Adaptation | None]], links: Sequence[str]
+) -> PageTable:
+    """
+    Return the final errors of the estimates in percent, of the runs that have estimates.
+
+    Parameters
+    ----------
+    adapted, links
+        Names and adaptations of the runs, and identifiers of their sections.
+
+    """
     members = [
-        (_name_cell(place, label), entry)
-        for place, (label, entry) in enumerate(adapted, start=1)
+        (Cell(label, key=label, link=link), entry)
+        for (label, entry), link in zip(adapted, links, strict=True)
         if entry is not None
     ]
     quantities = list(dict.fromkeys(q for _, entry in members for q in entry.quantities))
@@ -129,10 +149,6 @@ def adaptation_table(adapted: Sequence[tuple[str, Adaptation | None]]) -> PageTa
 def section_of(place: int) -> str:
     """Return the identifier of the section of a run by its place from 1."""
     return f'run-{place}'
-
-
-def _name_cell(place: int, name: str) -> Cell:
-    return Cell(name, key=name, link=section_of(place))
 
 
 def _parameter_cell(value: object, text: str) -> Cell:

@@ -9,13 +9,38 @@ import base64
 import zlib
 
 from masmc_ros.aliases import AnyArray, Array
+from masmc_ros.robot.robot import Robot
 import numpy as np
 
 MOST = 200_000
 """Maximum number of ranges of a line, each with two values; shorter lines have every sample."""
 
+COMPLETE = 2
+"""Maximum number of runs of a page with all samples."""
+
+_RANGES = 13_000
+"""Number of ranges of one line of all runs together; a page of 20 runs has 5 MB."""
+
+_FEWEST = 50
+"""Minimum number of ranges of a line; a page of 1000 runs has 20 MB."""
+
+REPLAYED = 500
+"""Minimum number of ranges of lines with which runs have a replay: pages of up to 26 runs."""
+
+_INSTANTS = 200
+"""Maximum number of instants of a replay; the page interpolates between them."""
+
 _LARGEST = float(np.finfo(np.float32).max)
 _NANOSECONDS = 1.0e9
+
+
+def ranges_per_line(runs: int) -> int:
+    """
+    Return the maximum number of ranges of samples of a line, of a page with some runs.
+
+    Pages of one or two runs contain all samples of common logs.
+    """
+    return MOST if runs <= COMPLETE else max(_FEWEST, _RANGES // runs)
 
 
 def packed_signal(times: Array, values: Array, most: int = MOST) -> dict[str, str]:
@@ -53,6 +78,32 @@ def packed_path(x: Array, y: Array, most: int = MOST) -> dict[str, str]:
     """
     kept = np.unique(np.append(np.arange(0, len(x), _size(len(x), most)), len(x) - 1))
     return {'x': _packed(x[kept]), 'y': _packed(y[kept])}
+
+
+def packed_robot(robot: Robot, times: Array, positions: Array) -> dict[str, object]:
+    """
+    Return the outline of a robot in top view at instants evenly spread over a run.
+
+    Parameters
+    ----------
+    robot
+        Robot.
+    times
+        (n) in s from the first state.
+    positions
+        (n, positions) in the order of joint_states.
+
+    """
+    count = min(_INSTANTS, len(times))
+    places = np.linspace(0, len(times) - 1, count).round().astype(int)
+    draw, geometry = robot.mechanism.formulas.outline, robot.geometry
+    outlines = [draw(geometry, positions[place]).shapes for place in places]
+    points = np.array([np.concatenate([s.points for s in shapes]).ravel() for shapes in outlines])
+    return {
+        'times': np.round(times[places], 6).tolist(),
+        'parts': [[shape.kind, len(shape.points)] for shape in outlines[0]],
+        'points': _packed(points.T.ravel()),  # those of a coordinate differ little
+    }
 
 
 def _size(count: int, most: int) -> int:

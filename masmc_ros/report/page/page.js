@@ -1,7 +1,10 @@
 'use strict';
 (() => {
-  const charts = [...document.querySelectorAll('.plot')];
-  const overTime = charts.filter((chart) => chart.classList.contains('over-time'));
+  // Drawn plots; those of a run among many are added when the run is opened.
+  const charts = [];
+  const overTime = [];
+  const span = [0, Number(document.querySelector('main').dataset.span)];
+  let view = span; // the stretch of time of all plots
   const colour = (name) =>
     getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 
@@ -95,7 +98,8 @@
 
   const draw = async (chart) => {
     const { data, layout } = JSON.parse(document.getElementById(`${chart.id}-data`).textContent);
-    const isOverTime = overTime.includes(chart);
+    const isOverTime = chart.classList.contains('over-time');
+    if (isOverTime) layout.xaxis.range = [...view];
     const drawn = data.filter((trace) => trace.meta.samples);
     const samples = drawn.map((trace) => lines.read(trace.meta.samples, isOverTime));
     const marks = data.find((trace) => trace.mode === 'markers+text');
@@ -104,7 +108,7 @@
       samples: await Promise.all(samples),
       traces: drawn.map((trace) => data.indexOf(trace)),
       names: drawn.map((trace) => trace.name),
-      span: layout.xaxis.range,
+      span,
       home: layout.yaxis.range,
       hasPeaks: layout.meta?.hasPeaks,
       unit: layout.yaxis.title.text.match(/\(([^()]*)\)$/)?.[1] ?? '',
@@ -120,7 +124,7 @@
     const found = seen(chart, layout);
     found.forEach((line, i) => Object.assign(drawn[i], line));
     if (held.get(chart).hasPeaks) {
-      const { 'yaxis.range': range, annotations } = ordinate(chart, found, true);
+      const { 'yaxis.range': range, annotations } = ordinate(chart, found, isWhole(chart, view));
       Object.assign(layout, { annotations });
       if (range) layout.yaxis.range = range;
     }
@@ -151,6 +155,7 @@
       if (isOverTime && !keys.some((key) => key.startsWith('xaxis'))) return;
       isLinking = true;
       const range = [...chart.layout.xaxis.range];
+      if (isOverTime) view = range;
       const others = isOverTime ? overTime.filter((other) => other !== chart) : [];
       // A box that the user drew has an ordinate; a whole run has that of its first drawing.
       const keepsOrdinate =
@@ -168,11 +173,48 @@
       Plotly.redraw(chart);
     }
   };
-  library.then(() => Promise.all(charts.map(draw))).then(() => {
-    charts.forEach(link);
-    cursor.attach(overTime, (chart) => held.get(chart));
+  // One plot after the other: those at the top are seen first.
+  const add = async (added) => {
+    for (const chart of added) {
+      await draw(chart);
+      link(chart);
+      charts.push(chart);
+      if (chart.classList.contains('over-time')) {
+        overTime.push(chart);
+        cursor.attach(chart, (each) => held.get(each));
+      } else if (chart.layout.meta?.robot) {
+        await replay.attach(chart, chart.layout.meta.robot, cursor.show);
+      }
+    }
     document.documentElement.dataset.drawn = charts.length;
+  };
+  const open = async (details) => {
+    const packed = details.querySelector(':scope > script');
+    if (!details.open || !packed) return;
+    packed.remove();
+    const content = details.querySelector('.content');
+    content.innerHTML = await inflate(packed.textContent);
+    await ready;
+    await add(content.querySelectorAll('.plot'));
+  };
+  for (const details of document.querySelectorAll('details.run')) {
+    details.addEventListener('toggle', () => open(details));
+  }
+  const follow = () => {
+    const run = document.getElementById(location.hash.slice(1))?.closest('details.run');
+    if (run) run.open = true;
+    run?.scrollIntoView();
+  };
+  addEventListener('hashchange', follow);
+  const ready = library.then(async () => {
+    const trend = document.getElementById('trend');
+    if (trend) {
+      await trends.draw(trend, { paint, config });
+      charts.push(trend);
+    }
+    await add(document.querySelectorAll('.plot:not(#trend)'));
   });
+  follow();
   matchMedia('(prefers-color-scheme: dark)').addEventListener('change', repaint);
 
   // Printed drawings are as wide as the paper permits, with the colours of the light page.

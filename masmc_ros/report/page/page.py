@@ -5,157 +5,96 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Sequence
-import gzip
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from markupsafe import Markup
-from masmc_ros.report.measure.adaptation import adaptation
 from masmc_ros.report.measure.differences import run_order
-from masmc_ros.report.measure.labels import as_text
-from masmc_ros.report.measure.metrics import Metrics
-from masmc_ros.report.measure.missing import missing
-from masmc_ros.report.measure.parameters import change_texts, run_changes, value_text
-from masmc_ros.report.measure.table import notes, remarks_of
-from masmc_ros.report.measure.tracking import Compared
+from masmc_ros.report.measure.table import notes
 from masmc_ros.report.measure.verdict import verdict
 from masmc_ros.report.page.header import facts
-from masmc_ros.report.page.interactive import (
-    adaptation_plots,
-    comparison_plots,
-    COMPLETE,
-    NAMED,
-    Plot,
-    ranges_per_line,
-    run_plots,
-    span_of,
-)
+from masmc_ros.report.page.interactive import adaptation_plots, comparison_plots, NAMED
 from masmc_ros.report.page.metrics_table import (
     adaptation_table,
     hidden_differences,
     metrics_table,
-    section_of,
 )
+from masmc_ros.report.page.packed_samples import COMPLETE
+from masmc_ros.report.page.section import as_script, compressed, MANY, plots_of
 from masmc_ros.report.page.template import rendered
+from masmc_ros.report.page.trends import trends
 from plotly.offline import get_plotlyjs
+
+if TYPE_CHECKING:
+    from masmc_ros.report.digest import Digest
 
 _SOURCES = Path(__file__).parent
 _PAGE = _SOURCES / 'page.html'
-_SCRIPTS = ('library.js', 'lines.js', 'cursor.js', 'table.js', 'page.js')
-_LISTED = 5
-"""Maximum number of later values in a row of the parameters."""
+_SCRIPTS = (
+    'library.js', 'lines.js', 'replay.js', 'cursor.js', 'table.js', 'trends.js', 'page.js',
+)  # fmt: skip
+_NAMED = 3
+"""Maximum number of runs in the title of the page."""
 
-_ESCAPES = {'<': '\\u003c', '>': '\\u003e', '&': '\\u0026'}
 
-
-def report_page(compared: Sequence[Compared], reached: Sequence[Metrics]) -> str:
+def report_page(
+    names: Sequence[str], digests: Sequence[Digest], compared: Sequence[int]
+) -> str:
     """
     Return the report of runs as HTML, identical for identical runs.
 
     Scripts, styles and data are in the page; its content security policy prevents the browser
     from loading other resources.
+
+    Parameters
+    ----------
+    names, digests
+        Names and digests of the runs.
+    compared
+        Indices of the runs in the plots of all runs.
+
     """
-    order = run_order([entry.run for entry in compared])
-    compared, reached = [compared[i] for i in order], [reached[i] for i in order]
-    rows = {entry.label: row for entry, row in zip(compared, reached, strict=True)}
-    runs = [entry.run for entry in compared]
-    adapted = [(entry.label, adaptation(entry.run)) for entry in compared]
-    span, ranges = span_of(runs), ranges_per_line(len(runs))
+    order = run_order([entry.run for entry in digests])
+    drawn = [(names[i], digests[i]) for i in order if i in set(compared)]
+    of_all = [(names[i], digests[i]) for i in order]
+    rows = {name: entry.metrics for name, entry in of_all}
+    runs = [entry.run for _, entry in of_all]
+    sections = [entry.section for _, entry in of_all]
+    adapted = [(name, entry.adapted) for name, entry in of_all]
+    span = 0.0, max(float(run.times[-1] - run.times[0]) for run in runs)
+    is_deferred = len(runs) >= MANY
+    trend = trends(runs, list(rows), list(rows.values()), sections) if is_deferred else None
+    further = len(runs) - _NAMED
     return rendered(
         _PAGE,
+        title=' · '.join([*names[:_NAMED], *([f'{further} others'] if further > 0 else [])]),
         verdict=verdict(rows),
         facts=facts(runs),
-        table=metrics_table(rows, runs),
+        table=metrics_table(rows, runs, [section.id for section in sections]),
         hidden=hidden_differences(runs),
         notes=notes(rows),
-        comparison=_plots('all', comparison_plots(compared, span, ranges)),
-        errors=adaptation_table(adapted),
+        comparison=plots_of(
+            'all', comparison_plots([(name, entry.distances) for name, entry in drawn], span)
+        ),
+        errors=adaptation_table(adapted, [section.id for section in sections]),
         is_true=all(entry.is_true for _, entry in adapted if entry is not None),
-        adaptation=_plots('all', adaptation_plots(adapted, span, ranges)),
+        adaptation=plots_of(
+            'all', adaptation_plots([(name, entry.adapted) for name, entry in drawn], span)
+        ),
         runs=[
-            _run(number, entry, row, run_plots(entry, span, ranges, has_estimates=known is None))
-            for number, (entry, row, (_, known)) in enumerate(
-                zip(compared, reached, adapted, strict=True), start=1
-            )
+            {'id': section.id, 'label': name, 'content': section.content}
+            for name, section in zip(rows, sections, strict=True)
         ],
+        compared=len(drawn),
+        span=span[1],
+        trends=None if trend is None else as_script(trend),
+        is_deferred=is_deferred,
         is_complete=len(runs) <= COMPLETE,
-        has_legends=len(runs) <= NAMED,
-        plotly=_compressed(get_plotlyjs()),
+        has_legends=len(drawn) <= NAMED,
+        plotly=compressed(get_plotlyjs()),
         scripts=_script(''.join((_SOURCES / n).read_text(encoding='utf-8') for n in _SCRIPTS)),
     )
-
-
-def _run(
-    number: int, entry: Compared, row: Metrics, plots: Sequence[Plot]
-) -> dict[str, object]:
-    """Return the values of a run for the template."""
-    run = entry.run
-    changes = run_changes(run)
-    later: dict[tuple[str, str], list[str]] = {}
-    for change in changes:
-        if change.is_event:
-            continue
-        text = f'{value_text(change.new)} from {change.time:.3f} s'
-        later.setdefault((change.node, change.name), []).append(text)
-    return {
-        'id': section_of(number),
-        'label': entry.label,
-        'path': as_text(str(run.path)),
-        'states': len(run.times),
-        'duration': f'{run.times[-1] - run.times[0]:g}',
-        'remarks': remarks_of(row),
-        'missing': missing(run, entry.tracked),
-        'changes': [
-            (f'{c.time:.3f}', c.tick, c.node, c.name, *change_texts(c))
-            for c in changes
-        ],
-        'plots': _plots(section_of(number), plots),
-        'parameters': {
-            node: [
-                (name, value_text(value), _later(later.get((node, name), [])))
-                for name, value in sorted(values.items())
-            ]
-            for node, values in run.parameters.items()
-        },
-        'versions': [
-            item for record in run.metadata.get('versions', ()) for item in record.items()
-        ],
-        'topics': sorted(run.topics.items()),
-        'attachments': [(name, len(content)) for name, content in run.attachments.items()],
-    }
-
-
-def _later(texts: Sequence[str]) -> str:
-    """Return the later values of a parameter; of many the last one and their number."""
-    if len(texts) <= _LISTED:
-        return ', '.join(texts)
-    return f'{texts[-1]}, after {len(texts) - 1} other changes'
-
-
-def _plots(prefix: str, plots: Sequence[Plot]) -> list[dict[str, object]]:
-    return [
-        {
-            'id': f'{prefix}-{plot.name}',
-            'title': plot.title,
-            'is_over_time': plot.is_over_time,
-            'data': _json(plot),
-        }
-        for plot in plots
-    ]
-
-
-def _json(plot: Plot) -> Markup:
-    """Return a plot as JSON for a script element."""
-    text = plot.figure.to_json(engine='json')
-    for letter, escape in _ESCAPES.items():
-        text = text.replace(letter, escape)
-    return Markup(text)
-
-
-def _compressed(text: str) -> str:
-    """Return a text as base64 of gzip, the same for the same text."""
-    return base64.b64encode(gzip.compress(text.encode(), mtime=0)).decode()
 
 
 def _script(text: str) -> Markup:
