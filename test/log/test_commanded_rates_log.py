@@ -180,6 +180,23 @@ def test_report_page_velocity_interface_plots_velocities(simulated: Path, tmp_pa
     assert (tmp_path / 'comparison.png').stat().st_size > 10_000
 
 
+def test_report_page_hybrid_interface_plots_velocities_of_base(tmp_path: Path) -> None:
+    """The arm has torques, and no velocities that a plot could show."""
+    log = tmp_path / 'hybrid.mcap'
+    settings = [
+        option
+        for node in ('plant', 'controller')
+        for option in ('--set', f'{node}.command_interface=hybrid')
+    ]
+    settings += ['--set', 'duration=0.2']
+    assert main(['simulate', str(PAPER), '--output', str(log), *settings]) == 0
+    assert main(['report', str(log), '--output', str(tmp_path)]) == 0
+    page = Page((tmp_path / 'report.html').read_text(encoding='utf-8'))
+    names = [trace['name'] for trace in page.figure('run-1-rates')['data']]
+    assert names == ['yaw rate']
+    assert lines(page.figure('run-1-torque'))
+
+
 @pytest.mark.parametrize('file_format', ['csv', 'npz'])
 def test_export_velocity_interface_has_velocities(
     simulated: Path, tmp_path: Path, file_format: str

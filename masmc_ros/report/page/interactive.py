@@ -211,6 +211,7 @@ def _velocities(run: Run) -> Iterator[Panel]:
     drawn = [
         (unit, Line(name, times, values, colour))
         for (name, unit), (times, values), colour in zip(entries, columns, cycle(COLOURS))
+        if len(times)  # with command_interface hybrid only the base has velocities
     ]
     speeds = [line for unit, line in drawn if unit == 'm/s']
     rates = [line for unit, line in drawn if unit != 'm/s']
