@@ -20,7 +20,6 @@ from masmc_ros.jit.record import fill, lanes_of, take_over, uninitialised
 from masmc_ros.law.command_interface import check_agreement, is_hybrid, takes_rates
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts.joint_limits import CHOICE as JOINT_LIMITS
-from masmc_ros.law.parts.joint_limits import is_enforced
 from masmc_ros.law.rates import RATES
 from masmc_ros.law.reaching.reaching import shortcut_of
 from masmc_ros.law.registry import load_for
@@ -106,7 +105,7 @@ class BatchSimulation:
             if run['trajectory'] != first['trajectory']
         }
         compensated = records.is_compensated(control)
-        limited = is_enforced(control, mechanism)
+        limited = records.is_limited(control, mechanism)
         settings, read = _law_settings(
             mechanism,
             law,
@@ -141,7 +140,7 @@ class BatchSimulation:
         """Return the settings with the shortcut of the reaching term; None without use for it."""
         name = shortcut_of(control['switching']) if law.uses_switching else ''
         is_special = is_hybrid(control) or records.is_compensated(control)
-        if is_special or is_enforced(control, self.mechanism):
+        if is_special or records.is_limited(control, self.mechanism):
             name = ''
         lanes = lanes_of(self._now)
         if not name or lanes == 1 or self.mechanism.sizes['positions'] > _MOST_VECTORISED:

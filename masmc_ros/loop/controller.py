@@ -16,7 +16,6 @@ from masmc_ros.law.command_interface import by_velocity, is_hybrid, takes_rates
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts import velocity_estimator
 from masmc_ros.law.parts.delay_fields import HISTORY
-from masmc_ros.law.parts.joint_limits import is_enforced
 from masmc_ros.law.parts.joint_limits import MEMORY as LIMIT_MEMORY
 from masmc_ros.law.parts.model import PAYLOAD
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES
@@ -105,7 +104,7 @@ class Controller:
         self._law: Law = registry.OF_RATES
         self._kernel: Callable[..., int] | None = None
         self.is_compensated = records.is_compensated(values)
-        self.keeps_joint_limits = is_enforced(values, self.mechanism)
+        self.keeps_joint_limits = records.is_limited(values, self.mechanism)
         self._stamp_age = 0.0
         self.memory = self._new_memory()
         self._choose(values)

@@ -42,7 +42,6 @@ from masmc_ros.law.command_interface import COMMAND_INTERFACE, is_hybrid, takes_
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts.delay_fields import ENABLING
 from masmc_ros.law.parts.joint_limits import CHOICE as JOINT_LIMITS
-from masmc_ros.law.parts.joint_limits import is_enforced
 from masmc_ros.law.rasmc import RASMC
 from masmc_ros.law.smc import SMC
 from masmc_ros.loop import records
@@ -182,7 +181,7 @@ def code_for(mechanism: Mechanism, values: Values) -> Code:
     compensated = records.is_compensated(values)
     if takes_rates(values):
         return code_of_law(mechanism, registry.OF_RATES, values['switching'])
-    limited = is_enforced(values, mechanism)
+    limited = records.is_limited(values, mechanism)
     law = registry.load_for(values['law'], mechanism)
     if isinstance(law, Law):
         return code_of_law(

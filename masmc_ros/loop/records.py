@@ -16,7 +16,13 @@ from masmc_ros.aliases import Records
 from masmc_ros.errors import InputError
 from masmc_ros.jit.field import Field, field_of
 from masmc_ros.jit.record import AT_RUN_TIME, fill, new_record
-from masmc_ros.law.command_interface import by_velocity, takes_rates
+from masmc_ros.law.command_interface import (
+    by_velocity,
+    COMMAND_INTERFACE,
+    COMMAND_INTERFACES,
+    EFFORT,
+    takes_rates,
+)
 from masmc_ros.law.declared import declared_for
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts import delay_compensation, delay_fields, joint_limits
@@ -80,7 +86,7 @@ def write_law(
     fill(settings, 'takes_rates', takes_rates(values), lane)
     fill(settings, 'by_velocity', by_velocity(values, robot.mechanism), lane)
     fill(settings, 'group', robot.mechanism.group_of_joints, lane)
-    if joint_limits.is_enforced(values, robot.mechanism):
+    if is_limited(values, robot.mechanism):
         kept = joint_limits.kept_limits(robot.mechanism)
         for field, limit in zip(joint_limits.SETTINGS, kept, strict=True):
             fill(settings, field.name, limit, lane)
@@ -131,6 +137,29 @@ def _memory_fields(law: Law, *, compensated: bool, limited: bool = False) -> tup
         *(delay_fields.MEMORY if compensated else ()),
     )
     return (*further, *control.MEMORY, *law.memory, *terms)
+
+
+def is_limited(values: Values, mechanism: Mechanism) -> bool:
+    """
+    Return True if a controller with these parameter values keeps the limits of the joints.
+
+    Raises InputError for commanded velocities, and for a robot without any limit.
+    """
+    name, enforce = joint_limits.CHOICE.name, joint_limits.ENFORCE
+    if values[name] != enforce:
+        return False
+    interface = values[COMMAND_INTERFACE.name]
+    if interface != COMMAND_INTERFACES[EFFORT]:
+        raise InputError(
+            f'{name} = {enforce}: expected {joint_limits.IGNORE} with {COMMAND_INTERFACE.name} '
+            f'{interface}, because only torques are changed, or effort'
+        )
+    if not any(np.isfinite(limit).any() for limit in joint_limits.kept_limits(mechanism)):
+        raise InputError(
+            f'{name} = {enforce}: no joint has a limit; expected robot.speed_limits, a URDF with '
+            f'limits, or {joint_limits.IGNORE}'
+        )
+    return True
 
 
 def is_compensated(values: Values) -> bool:

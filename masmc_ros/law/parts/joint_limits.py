@@ -26,16 +26,14 @@ import math
 from types import SimpleNamespace
 
 from masmc_ros.aliases import Array, Joints, Numbers
-from masmc_ros.errors import InputError
 from masmc_ros.jit.arrays import array_of, to_vector, write_part
 from masmc_ros.jit.compiled import formula, kernel
 from masmc_ros.jit.dispatch import by_tag, interface
 from masmc_ros.jit.field import Field
 from masmc_ros.jit.scratch import scratch
 from masmc_ros.jit.tuples import unit
-from masmc_ros.law.command_interface import COMMAND_INTERFACE, COMMAND_INTERFACES, EFFORT
 from masmc_ros.law.fields import Memory, Settings
-from masmc_ros.params.declaration import Parameter, Values
+from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.formula_types import Lengths, MechanismPosture
@@ -115,27 +113,6 @@ class LimitMemory(Memory):
     """Memory of the law with that of this module."""
 
     limited_ticks: int
-
-
-def is_enforced(values: Values, mechanism: Mechanism) -> bool:
-    """
-    Return True if a controller with these parameter values keeps the limits of the joints.
-
-    Raises InputError for commanded velocities, and for a robot without any limit.
-    """
-    if values[CHOICE.name] != ENFORCE:
-        return False
-    if values[COMMAND_INTERFACE.name] != COMMAND_INTERFACES[EFFORT]:
-        raise InputError(
-            f'{CHOICE.name} = {ENFORCE}: expected {IGNORE} with {COMMAND_INTERFACE.name} '
-            f'{values[COMMAND_INTERFACE.name]}, because only torques are changed, or effort'
-        )
-    if not any(np.isfinite(limit).any() for limit in kept_limits(mechanism)):
-        raise InputError(
-            f'{CHOICE.name} = {ENFORCE}: no joint has a limit; expected robot.speed_limits, a '
-            f'URDF with limits, or {IGNORE}'
-        )
-    return True
 
 
 def kept_limits(mechanism: Mechanism) -> tuple[Array, Array, Array]:

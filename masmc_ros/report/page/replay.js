@@ -1,7 +1,6 @@
 'use strict';
 // The robot at the time of the cursor, drawn over the plot of its path.
 const replay = (() => {
-  const NAMESPACE = 'http://www.w3.org/2000/svg';
   const robots = new Map();
   let latest = 0;
 
@@ -41,11 +40,15 @@ const replay = (() => {
   // `move` sets the cursor of all plots to a time.
   const attach = async (chart, { times, parts, points }, move) => {
     const numbers = await lines.values(points);
-    const svg = document.createElementNS(NAMESPACE, 'svg');
+    // That of the chart's own drawings: a page contains no addresses.
+    const { namespaceURI } = chart.querySelector('svg');
+    const svg = document.createElementNS(namespaceURI, 'svg');
     svg.setAttribute('class', 'robot');
     svg.setAttribute('aria-hidden', 'true');
     const shapes = parts.map(([kind]) => {
-      const shape = document.createElementNS(NAMESPACE, kind === 'links' ? 'polyline' : 'polygon');
+      const shape = document.createElementNS(
+        namespaceURI, kind === 'links' ? 'polyline' : 'polygon',
+      );
       shape.setAttribute('class', kind);
       svg.append(shape);
       return shape;
