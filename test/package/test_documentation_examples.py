@@ -202,7 +202,7 @@ class PageRun:
         if COMPILED & set(words[1:2]):
             words = [PLANAR.get(word, word) for word in words]
         match list(words):
-            case ['ros2', 'run', 'foxglove_bridge', *_]:
+            case ['ros2', 'run', 'foxglove_bridge' | 'teleop_twist_keyboard', *_]:
                 return None  # another package
             case ['masmc' | 'ros2', 'run', *arguments] if '--help' not in arguments:
                 self._start([word for word in arguments if word != 'masmc_ros'])
