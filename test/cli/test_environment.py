@@ -14,6 +14,7 @@ import sys
 import tempfile
 
 from helpers.child_environment import child_environment
+from helpers.core_loop import node_values
 from masmc_ros.child_process import module_command
 from masmc_ros.loop import preparation
 from masmc_ros.robot.two_link.paper_robot import TWO_LINK
@@ -71,8 +72,7 @@ def test_compiling_process_ignores_modules_of_its_folder(
     foreign_modules(tmp_path)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv('PYTHONPATH', child_environment()['PYTHONPATH'])
-    values = {'law': 'smc', 'switching': 'tanh', 'command_interface': 'effort'}
-    values |= dict.fromkeys(preparation.ENABLING, 0.0)
+    values = {**node_values()['controller'], 'law': 'smc', 'switching': 'tanh'}
     process = preparation._started(TWO_LINK, values, is_awaited=True)
     try:
         assert process.stdout is not None
