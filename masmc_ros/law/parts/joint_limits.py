@@ -154,7 +154,8 @@ def highest_acceleration(
     else:
         # The joint turns within the horizon; at the end of its range within a quarter of it.
         bound = -0.5 * speed * speed / max(distance, 0.125 * speed * horizon)
-    bound = max(bound, -_HARDEST * deceleration)
+    # Braking hard must not end in the other direction, faster than the limit.
+    bound = max(bound, -_HARDEST * deceleration, -(fastest + speed) / horizon)
     return min(bound, (fastest - speed) / horizon)
 
 
