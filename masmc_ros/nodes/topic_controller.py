@@ -25,20 +25,15 @@ from masmc_ros.messages.cdr_layout import NANOSECONDS
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.names import COMMAND_TOPIC, REFERENCE_TOPIC, STATE_TOPIC
 from masmc_ros.messages.reference_window import ReferenceWindow
-from masmc_ros.nodes.middleware.log_folder import prepare_log_folder
+from masmc_ros.nodes.middleware.client_node import client_node
 from masmc_ros.nodes.middleware.past import subscribe
 from masmc_ros.nodes.middleware.qos import publisher_qos
-from masmc_ros.nodes.middleware.transport import prepare_transport
 from masmc_ros.nodes.plant.command_sources import torque_sources
 from masmc_ros.params.declaration import Values
 from masmc_ros.robot.joint_names import driven_joint_names, joint_names
 import numpy as np
-import rclpy
-from rclpy.context import Context
 from rclpy.executors import Executor
-from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
@@ -154,34 +149,21 @@ def topic_controller(name: str, robot: Values) -> Iterator[Controller]:
         Checked parameters of the plant.
 
     """
-    prepare_transport()
-    prepare_log_folder()
-    context = Context()
-    # Without the arguments of the command: rcl accepts only UTF-8.
-    rclpy.init(args=[], context=context, signal_handler_options=SignalHandlerOptions.NO)
-    node = rclpy.create_node('compare', context=context, enable_rosout=False)
-    executor = EventsExecutor(context=context)
-    executor.add_node(node)
-    topics = _Topics(name, robot, node, executor)
+    with client_node('compare') as (node, executor):
+        topics = _Topics(name, robot, node, executor)
 
-    class OnTopics:
-        """Controller in another process, on ROS topics."""
+        class OnTopics:
+            """Controller in another process, on ROS topics."""
 
-        def __init__(self) -> None:
-            """Start a run, whose states begin at the time 0."""
-            self._ticks = 0
-            topics.connect()
+            def __init__(self) -> None:
+                """Start a run; its first state has the stamp 0."""
+                self._ticks = 0
+                topics.connect()
 
-        def __call__(self, state: TickInput, reference: Array) -> Array:
-            """Return the answer of the process to a state and its reference."""
-            stamp = round(self._ticks * state.period * NANOSECONDS)
-            self._ticks += 1
-            return topics.torque(stamp, state, reference)
+            def __call__(self, state: TickInput, reference: Array) -> Array:
+                """Return the answer of the process to a state and its reference."""
+                stamp = round(self._ticks * state.period * NANOSECONDS)
+                self._ticks += 1
+                return topics.torque(stamp, state, reference)
 
-    try:
         yield OnTopics
-    finally:
-        executor.remove_node(node)
-        node.destroy_node()
-        executor.shutdown()
-        context.try_shutdown()

@@ -68,6 +68,7 @@ class _Owner(np.ndarray):
         object.__setattr__(run, 'position', owner)
         return owner
 
+    # Arrays compare by value and have none; a weak set needs one.
     __hash__ = object.__hash__  # type: ignore[assignment]
 
 

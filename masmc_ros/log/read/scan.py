@@ -190,7 +190,7 @@ class _Collector:
                 self._latched.add(record.id)
 
     def _add_chunk(self, content: bytes) -> None:
-        """Add the records of a chunk, nearly all of which are messages."""
+        """Add the records of a chunk; nearly all are messages."""
         end, size, topics = 0, len(content), self._topics
         unpack, content_at, shortest = (
             codec.MESSAGE_HEAD.unpack_from, codec.RECORD_HEAD.size, codec.MESSAGE_HEAD.size

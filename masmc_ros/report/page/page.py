@@ -56,7 +56,8 @@ def report_page(
 
     """
     order = run_order([entry.run for entry in digests])
-    drawn = [(names[i], digests[i]) for i in order if i in set(compared)]
+    chosen = set(compared)
+    drawn = [(names[i], digests[i]) for i in order if i in chosen]
     of_all = [(names[i], digests[i]) for i in order]
     rows = {name: entry.metrics for name, entry in of_all}
     runs = [entry.run for _, entry in of_all]

@@ -61,8 +61,9 @@ def _number(value: object) -> float | None:
     """Return a number, also of a list of equal ones; None for other values."""
     if isinstance(value, list | tuple) and value and all(entry == value[0] for entry in value):
         value = value[0]
-    is_number = isinstance(value, float | int) and not isinstance(value, bool)
-    return _finite(value) if is_number else None  # type: ignore[arg-type]
+    if isinstance(value, bool) or not isinstance(value, float | int):
+        return None
+    return _finite(value)
 
 
 def _finite(value: float | None, factor: float = 1.0) -> float | None:
