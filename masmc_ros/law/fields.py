@@ -62,5 +62,6 @@ class Memory(LawMemory):
     commanded: Joints
     velocity_command: Joints
     disturbance: Axes
+    reaching: Axes
     predicted: Axes
     needs_full: float

@@ -14,10 +14,19 @@ from masmc_ros.aliases import Joints
 from masmc_ros.jit.compiled import formula
 from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.law import Law
-from masmc_ros.law.parts.adaptation import adapt, GAMMA, project
-from masmc_ros.law.reaching.reaching import correct
-from masmc_ros.law.smc import SMC, torque
+from masmc_ros.law.parts.adaptation import adapt, GAMMA, project, REACHING_FORCE
+from masmc_ros.law.parts.model import model_torque
+from masmc_ros.law.reaching.reaching import correct, reach
+from masmc_ros.law.smc import SMC
 from masmc_ros.law.tick import Tick
+
+
+@formula
+def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
+    """Return the joint torques in N·m, and store the reaching force."""
+    u = reach(settings, tick, memory)
+    memory.reaching = u
+    return model_torque(tick, memory.estimate, u)
 
 
 @formula
@@ -31,7 +40,7 @@ RASMC = Law(
     'rasmc',
     torque,
     (*SMC.parameters, GAMMA),
-    SMC.memory,
+    (*SMC.memory, REACHING_FORCE),
     learn,
     project,
     summary='sliding mode control with adaptation of the base inertial parameters',

@@ -8,11 +8,18 @@ from __future__ import annotations
 from dataclasses import replace
 import math
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 from helpers.robots import between, PROPERTY
 from helpers.scenario import axes, Scenario, whole
 from hypothesis import given
-from masmc_ros.law.parts.adaptation import beyond_dead_zone, pulled_estimate
+from hypothesis import strategies as st
+from masmc_ros.law.parts.adaptation import (
+    beyond_dead_zone,
+    dissipative_step,
+    pulled_estimate,
+)
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.robot.gradient_step import gradient_step
 from masmc_ros.scenario.scenario import load_scenario
@@ -59,6 +66,48 @@ def test_dead_zone_keeps_the_part_beyond_its_width(distance: float, width: float
         assert share == 1.0
     else:
         assert share * distance == pytest.approx(max(0.0, distance - width), abs=1e-14)
+
+
+VECTOR = st.lists(between(-10.0, 10.0), min_size=3, max_size=3).map(tuple)
+
+
+@PROPERTY
+@given(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, between(0.0, 1.0))
+def test_dissipative_step_takes_limited_power(
+    estimate: Any, moved: Any, gradient: Any, surface: Any, force: Any, gain: float
+) -> None:
+    """The step has the same direction, and is unmodified if its power is within the bound."""
+    memory = SimpleNamespace(estimate=estimate, reaching=force, disturbance=(0.0, 1.0, -2.0))
+    arguments: Any = SimpleNamespace(observer_gain=gain), SimpleNamespace(surface=surface), memory
+    bounded = np.array(dissipative_step(*arguments, gradient, moved))
+    power = np.dot(gradient, np.subtract(estimate, moved))
+    dissipated = -np.dot(surface, np.add(force, memory.disturbance))
+    most = max(0.0, 0.25 * (1.0 - gain) ** 2 * dissipated)
+    if power < most - 1e-9:
+        assert tuple(bounded) == moved
+    assert np.dot(gradient, estimate - bounded) <= most + 1e-9
+    part = min(1.0, most / power) if power > 0.0 else 1.0
+    assert bounded == pytest.approx(estimate + part * np.subtract(moved, estimate), abs=1e-6)
+
+
+@PROPERTY
+@given(between(0.0, 1.0), between(0.0, 1.0), between(0.01, 100.0), between(1e-3, 0.1))
+def test_adaptation_within_bound_does_not_oscillate(
+    gain: float, part: float, inertia: float, period: float
+) -> None:
+    """Eigenvalues of s, d and theta of one axis, with the implicit law on the surface."""
+    a = part * (1.0 - gain) ** 2 / 4.0
+    observer = np.array([gain * inertia / period, 1.0, 0.0])
+    force = np.array([-inertia / period, 0.0, 1.0]) - observer
+    adapted = np.array([-a * inertia / period, 0.0, 1.0])
+    step = np.array([np.array([1.0, 0.0, 0.0]) + period / inertia * force, observer, adapted])
+    poles = np.linalg.eigvals(step)
+    # s has the sum of d and theta; their difference is no state of the loop and stays.
+    rest = np.delete(poles, np.argmin(abs(poles - 1.0)))
+    expected = np.roots([1.0, gain - 1.0, a])
+    assert sorted(rest.real) == pytest.approx(sorted(expected.real), abs=1e-6)
+    assert np.abs(poles.imag).max() < 1e-6
+    assert np.abs(rest).max() <= 1.0 + 1e-9
 
 
 def with_(scenario: Scenario, **fields: object) -> Scenario:

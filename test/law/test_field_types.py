@@ -14,6 +14,7 @@ from masmc_ros.law.declared import declared_for
 from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts import delay_fields
+from masmc_ros.law.parts.adaptation import REACHING_FORCE
 from masmc_ros.law.registry import LAWS, OF_RATES, REACHING, shared_parameters
 from masmc_ros.loop import control, records
 from masmc_ros.loop.signals import SIGNALS
@@ -52,7 +53,7 @@ def declared(law: Law | None) -> tuple[dict[str, str], dict[str, str]]:
     own = (*shared_parameters(TWO_LINK), *(law.parameters if law else ()))
     settings = map(records.field_of, declared_for(TWO_LINK, own))
     terms = (field for term in REACHING.values() for field in term.memory)
-    memory = (*control.MEMORY, *(law.memory if law else ()), *terms)
+    memory = (*control.MEMORY, REACHING_FORCE, *(law.memory if law else ()), *terms)
     return types_of((*control.SETTINGS, *settings)), types_of(memory)
 
 

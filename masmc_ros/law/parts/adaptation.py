@@ -21,14 +21,15 @@ import math
 from masmc_ros.aliases import Array, Joints, Numbers, Parameters
 from masmc_ros.jit.arrays import to_vector
 from masmc_ros.jit.compiled import formula, kernel
+from masmc_ros.jit.field import Field
 from masmc_ros.jit.scratch import scratch
 from masmc_ros.jit.tuples import dot, elementwise
 from masmc_ros.jit.vectors import free, mark
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.fields import Memory, Settings
-from masmc_ros.law.parts.delay_compensation import gradient
+from masmc_ros.law.parts.delay_compensation import gradient, is_on
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.scalars import times
+from masmc_ros.numerics.scalars import minus, plus, times
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.formula_types import Lengths
@@ -42,6 +43,9 @@ GAMMA = PerEntry(
     note='; larger adapts more slowly',
     is_positive=True,
 )
+
+REACHING_FORCE = Field('reaching', 'axes', 'Reaching force u of the last tick', 'N')
+"""Memory of every law that adapts by this module."""
 
 PARAMETERS = (
     Parameter(
@@ -250,6 +254,46 @@ def adapt(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: J
 
 
 @formula
+def _between(start: float, end: float, part: float) -> float:
+    return start + part * (end - start)
+
+
+@formula
+def dissipative_step(
+    settings: Settings, tick: Tick, memory: Memory, gradient: Parameters, moved: Parameters
+) -> Parameters:
+    """
+    Return theta after a step that is shortened if it adapts faster than the law reaches.
+
+    The step changes the torque along sigma = J^-1 s by the power p, the decrease of g' theta, one
+    period later than the reaching force, which dissipates P = -s' (u + d). With the implicit law
+    and beta its gain of d, the loop does not oscillate for p <= (1 - beta)^2 P / 4, to which p is
+    limited (docs/theory/adaptation.md). A point between consistent estimates is consistent.
+
+    Parameters
+    ----------
+    settings
+        Settings of the law.
+    tick
+        State and reference.
+    memory
+        Memory of the law, with theta, the reaching force u and the disturbance estimate d.
+    gradient
+        Gradient g (parameters).
+    moved
+        theta after the whole step.
+
+    """
+    remainder = 1.0 - settings.observer_gain
+    force = elementwise(plus, memory.reaching, memory.disturbance)
+    most = max(0.0, -0.25 * remainder * remainder * dot(tick.surface, force))
+    power = dot(gradient, elementwise(minus, memory.estimate, moved))
+    if power > most:
+        return elementwise(_between, memory.estimate, moved, most / power)
+    return moved
+
+
+@formula
 def adapt_along(
     settings: Settings,
     tick: Tick,
@@ -294,6 +338,8 @@ def adapt_along(
         elementwise(times, gradient, share),
         tick.period,
     )
+    if mechanism.preserves_consistency(tick.model, settings) and not is_on(settings):
+        moved = dissipative_step(settings, tick, memory, gradient, moved)
     following = elementwise(pulled_estimate, moved, tick.nominal, tick.period, rate)
     memory.estimate = following
 
