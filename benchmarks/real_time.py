@@ -31,7 +31,7 @@ from benchmarks.live_nodes import end, realtime_nodes
 import masmc_ros as masmc
 from masmc_ros.aliases import Array
 from masmc_ros.log.read.reader import read_run
-from masmc_ros.loop.preparation import fitting
+from masmc_ros.loop.law_code import fitting
 from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.parameter_record import read_record
 from masmc_ros.messages.stamps import header_stamp

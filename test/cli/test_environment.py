@@ -16,7 +16,7 @@ import tempfile
 from helpers.child_environment import child_environment
 from helpers.core_loop import node_values
 from masmc_ros.child_process import module_command
-from masmc_ros.loop import preparation
+from masmc_ros.loop.compiling_process import started
 from masmc_ros.robot.two_link.paper_robot import TWO_LINK
 import pytest
 from test_bad_input import error_line, PAPER, PATIENCE
@@ -73,7 +73,7 @@ def test_compiling_process_ignores_modules_of_its_folder(
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv('PYTHONPATH', child_environment()['PYTHONPATH'])
     values = {**node_values()['controller'], 'law': 'smc', 'switching': 'tanh'}
-    process = preparation._started(TWO_LINK, values, is_awaited=True)
+    process = started(TWO_LINK, values, is_awaited=True)
     try:
         assert process.stdout is not None
         assert process.stdout.read() == b''

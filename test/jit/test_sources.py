@@ -20,7 +20,7 @@ from helpers.small_tree import parameters
 from masmc_ros.jit import sources
 from masmc_ros.jit.sized_records import type_of
 from masmc_ros.law.registry import LAWS
-from masmc_ros.loop.preparation import code_of_law
+from masmc_ros.loop.law_code import code_of_law
 from masmc_ros.numerics.scalars import minus
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.tree.tree_mechanism import tree_mechanism
@@ -76,7 +76,7 @@ def test_sources_of_tick_are_those_of_law_term_and_robot() -> None:
 DIGESTS = """
 import json
 from masmc_ros.law.registry import LAWS
-from masmc_ros.loop.preparation import code_of_law
+from masmc_ros.loop.law_code import code_of_law
 from masmc_ros.jit.compiled import code_file
 from masmc_ros.robot.two_link.paper_robot import TWO_LINK
 
@@ -195,7 +195,7 @@ COMPILED = """
 import json, sys
 from helpers.small_tree import parameters
 from masmc_ros.law.registry import LAWS
-from masmc_ros.loop.preparation import code_of_law
+from masmc_ros.loop.law_code import code_of_law
 from masmc_ros.jit import sources
 from masmc_ros.jit.sized_records import type_of
 from masmc_ros.robot.tree.tree_mechanism import tree_mechanism

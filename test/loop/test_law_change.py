@@ -14,9 +14,10 @@ from typing import Any
 
 from helpers import small_tree
 from masmc_ros.law import registry
-from masmc_ros.loop import preparation
+from masmc_ros.loop import law_change
 from masmc_ros.loop.controller import Controller
-from masmc_ros.loop.preparation import Code, Effect, LawChange
+from masmc_ros.loop.law_change import Effect, LawChange
+from masmc_ros.loop.law_code import Code
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
@@ -79,7 +80,7 @@ class Bench:
 def bench(monkeypatch: pytest.MonkeyPatch) -> Bench:
     harness = Bench()
     fake = type('_', (FakeCompilation,), {'made': harness.made})
-    monkeypatch.setattr(preparation, '_Making', fake)
+    monkeypatch.setattr(law_change, '_Making', fake)
     monkeypatch.setattr(Code, 'is_loaded', property(lambda code: code.name in harness.loaded))
     monkeypatch.setattr(Code, 'is_on_disk', property(lambda code: False))
     monkeypatch.setattr(Code, 'load', lambda code: None)
@@ -275,7 +276,7 @@ def test_law_change_compiled_meanwhile_no_tick_is_late(tmp_path: Path) -> None:
 BUSY_PROCESSOR = """
 import os, subprocess, sys, time
 from masmc_ros.loop.controller import Controller
-from masmc_ros.loop.preparation import LawChange
+from masmc_ros.loop.law_change import LawChange
 from masmc_ros.scenario.scenario import load_scenario
 from masmc_ros.robot.robot import robot_of
 

@@ -12,7 +12,7 @@ import sys
 
 from masmc_ros.law import registry
 from masmc_ros.law.smc import SMC
-from masmc_ros.loop import preparation
+from masmc_ros.loop import law_code, preparation
 from masmc_ros.loop.closed_loop import control_tick, post_update
 from masmc_ros.loop.controller import Controller
 from masmc_ros.robot.robot import robot_of
@@ -27,7 +27,7 @@ TIMEOUT = 60.0
 
 @pytest.mark.slow
 def test_preparation_loaded_live_change_compiles_nothing() -> None:
-    preparation.load(TWO_LINK, preparation.laws_loaded_at_start())
+    law_code.load(TWO_LINK, law_code.laws_loaded_at_start())
     compiled = len(control_tick.signatures), len(post_update.signatures)
     values = load_scenario(str(PAPER), ('controller.projection.lower=0.5',))['controller']
     controller = Controller(robot_of(values), 1e-3, values)
@@ -44,7 +44,7 @@ def test_preparation_loads_only_laws_that_fit(
 ) -> None:
     """An installed law for smaller robots does not stop a controller of another law."""
     small = replace(SMC, name='small', most_parameters=3)
-    monkeypatch.setattr(preparation, 'laws', lambda: (small,))
+    monkeypatch.setattr(law_code, 'laws', lambda: (small,))
     monkeypatch.setattr(preparation, 'mark', lambda mechanism: tmp_path)
     loaded: list[str] = []
     monkeypatch.setattr(
@@ -65,22 +65,22 @@ def test_preparation_law_source_changed_is_repeated(
         exec(compile(path.read_text(encoding='utf-8'), str(path), 'exec'), names)
         # Under another name, because a law registers itself.
         law = replace(SMC, name='changed', torque=names['torque'])
-        monkeypatch.setattr(preparation, 'laws', lambda law=law: (law,))
-        marks.add(preparation.mark(TWO_LINK))
+        monkeypatch.setattr(law_code, 'laws', lambda law=law: (law,))
+        marks.add(law_code.mark(TWO_LINK))
     assert len(marks) == 2
 
 
 def test_preparation_process_has_no_real_time_priority() -> None:
     script = (
         'import os, sys\n'
-        'from masmc_ros.loop import preparation\n'
+        'from masmc_ros.loop.compiling_process import started\n'
         'from masmc_ros.robot.two_link.paper_robot import TWO_LINK\n'
         'try:\n'
         '    os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))\n'
         'except OSError:\n'
         '    sys.exit(77)\n'
-        'process = preparation._started(TWO_LINK, None)\n'
-        'awaited = preparation._started(TWO_LINK, None, is_awaited=True)\n'
+        'process = started(TWO_LINK, None)\n'
+        'awaited = started(TWO_LINK, None, is_awaited=True)\n'
         'policies = [os.sched_getscheduler(p.pid) for p in (process, awaited)]\n'
         'for p in (process, awaited):\n'
         '    p.kill()\n'

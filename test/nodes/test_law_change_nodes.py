@@ -29,7 +29,7 @@ from masmc_ros.cli.main import main
 from masmc_ros.errors import UserError
 from masmc_ros.jit.compiled import code_directory
 from masmc_ros.law.registry import LAWS
-from masmc_ros.loop.preparation import fitting
+from masmc_ros.loop.law_code import fitting
 from masmc_ros.messages.parameter_record import ParameterRecord, read_record
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.messages.string_message import text_of

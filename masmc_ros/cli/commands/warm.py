@@ -18,7 +18,7 @@ from masmc_ros.identification.effort_echo import compile_echo
 from masmc_ros.jit.record import AT_RUN_TIME
 from masmc_ros.json_text import json_text
 from masmc_ros.law import registry
-from masmc_ros.loop.preparation import code_for
+from masmc_ros.loop.law_code import code_for
 from masmc_ros.loop.simulated_robot import plant_of
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.params.declaration import Values

@@ -38,7 +38,8 @@ from masmc_ros.law import registry
 from masmc_ros.law.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CMD_VEL, takes_rates
 from masmc_ros.loop import records
 from masmc_ros.loop.controller import Controller
-from masmc_ros.loop.preparation import Effect, LawChange, Preparation
+from masmc_ros.loop.law_change import Effect, LawChange
+from masmc_ros.loop.preparation import Preparation
 from masmc_ros.loop.safe_stop import HOLD, SafeStop
 from masmc_ros.loop.simulated_robot import stamp_age
 from masmc_ros.loop.timing import Timing
