@@ -16,6 +16,9 @@ RANGE = '<limit lower="-2" upper="2" effort="30" velocity="3"/>'
 
 HALF, RADIUS, AHEAD = 0.3, 0.1, 0.15
 
+WEAK = 8.0 / 3.0
+"""Limit of the torque of the rear right wheel in N·m, a third of those of the others."""
+
 
 def wheel(name: str, x: float, side: int, *, axis: int = 1, effort: float = 8.0) -> str:
     """Return a wheel of the robot, on the right (-1) or left (1)."""
@@ -41,7 +44,7 @@ SKID = robot_text(
     wheel('front_left_wheel', AHEAD + 0.25, 1, axis=-1),
     wheel('front_right_wheel', AHEAD + 0.25, -1),
     wheel('rear_left_wheel', AHEAD - 0.25, 1),
-    wheel('rear_right_wheel', AHEAD - 0.25, -1, effort=4.0),
+    wheel('rear_right_wheel', AHEAD - 0.25, -1, effort=WEAK),
 )
 WHEELS = tuple(
     f'{end}_{side}_wheel_joint' for side in ('right', 'left') for end in ('front', 'rear')

@@ -24,6 +24,7 @@ from helpers.wheeled_tree import (
     RANGE,
     robot_text,
     SKID,
+    WEAK,
     wheel,
     WHEELS,
 )
@@ -130,21 +131,21 @@ def test_skid_steer_rates_limits_and_shares() -> None:
     expected = [[ahead, turn], [ahead, turn], [-ahead, turn], [ahead, -turn]]
     np.testing.assert_allclose(wheels.matrix, expected, rtol=1e-12)
     assert [drive.name for drive in wheels.drives] == [WHEELS[0], WHEELS[2]]
-    assert robot.limits.effort[:2].tolist() == [12.0, 16.0]
+    assert robot.limits.effort[:2].tolist() == [8.0 + WEAK, 16.0]
     assert [drive.friction for drive in wheels.drives] == [0.4, 0.4]
     assert wheels.followers == {
         WHEELS[1]: (WHEELS[0], 1.0, 0.0), WHEELS[3]: (WHEELS[2], -1.0, 0.0),
     }  # fmt: skip
     # Torques of the drives at their limits are those of all wheels, of equal power.
-    torques = wheels.wheel_torques(np.array([[12.0, -16.0]]))[0]
-    np.testing.assert_allclose(torques, [8.0, 4.0, -8.0, 8.0])
+    torques = wheels.wheel_torques(np.array([[8.0 + WEAK, -16.0]]))[0]
+    np.testing.assert_allclose(torques, [8.0, WEAK, -8.0, 8.0])
     np.testing.assert_allclose(
-        wheels.matrix.T @ torques, wheels.drive_matrix.T @ [12.0, -16.0], rtol=1e-12
+        wheels.matrix.T @ torques, wheels.drive_matrix.T @ [8.0 + WEAK, -16.0], rtol=1e-12
     )
 
 
 def test_skid_steer_without_limits_shares_are_equal() -> None:
-    wheels = cart(SKID.replace('effort="4.0"', 'effort="0"'), WHEELS).wheels
+    wheels = cart(SKID.replace(f'effort="{WEAK}"', 'effort="0"'), WHEELS).wheels
     assert wheels is not None
     assert wheels.drives[0].effort == math.inf
     np.testing.assert_allclose(wheels.wheel_torques(np.ones((1, 2)))[0, :2], 0.5)

@@ -101,6 +101,8 @@ class TorqueOutput:
     def repeat(self) -> None:
         """Send the last command again."""
         self.publishers[0].publish(self._sent)
+        if self._shared is not None:
+            self._shared.repeat()
 
     def figures(self) -> dict[str, str]:
         """Return the largest torque."""
@@ -108,7 +110,7 @@ class TorqueOutput:
 
     def _send(self, raw: bytes) -> None:
         self._sent = raw
-        self.repeat()
+        self.publishers[0].publish(raw)
 
 
 class _SharedOutput:
@@ -121,6 +123,7 @@ class _SharedOutput:
         self._numbers = np.zeros(len(mechanism.sharing_drives))
         kind = EFFORT.named(mechanism.sharing_drives)
         self._writer = CommandWriter(kind, self._numbers)
+        self._sent = b''
         self._void = CommandWriter(kind, np.zeros(len(self._numbers)), is_void=True)
 
     def connect(self, advertise: Advertise) -> None:
@@ -130,11 +133,19 @@ class _SharedOutput:
     def send(self, stamp: int) -> None:
         """Send the torques as the response to the state of a stamp in ns."""
         self._numbers[:] = self._distributed(self._torque[None])[0]
-        self._publisher.publish(self._writer.to_bytes(stamp))
+        self._send(self._writer.to_bytes(stamp))
 
     def send_void(self, stamp: int) -> None:
         """Send a void command as the response to the state of a stamp in ns."""
-        self._publisher.publish(self._void.to_bytes(stamp))
+        self._send(self._void.to_bytes(stamp))
+
+    def repeat(self) -> None:
+        """Send the last command again."""
+        self._publisher.publish(self._sent)
+
+    def _send(self, raw: bytes) -> None:
+        self._sent = raw
+        self.repeat()
 
 
 class BaseOutput:
