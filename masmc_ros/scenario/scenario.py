@@ -90,6 +90,8 @@ def source_of(path: str, settings: Iterable[str] = (), folder: str | None = None
     is_uri = '://' in path
     data = content_of(str(resource_path(path)) if is_uri else path)
     if not is_urdf(data):
+        if path.endswith(('.urdf', '.xacro', '.xml')):
+            raise InputError(f'{path}: no XML in it; expected a URDF')
         return Source(data, parsed(data, path))
     return _of_urdf(path, tuple(settings), folder, data)
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+import re
 from typing import Any
 
 from helpers.small_tree import START, URDF
@@ -241,6 +242,15 @@ def test_defaults_task_follows_the_number_of_joints() -> None:
 def test_defaults_robot_without_joints_is_rejected() -> None:
     with pytest.raises(InputError, match='no joint that can be controlled'):
         urdf_defaults(robot(), {})
+
+
+@pytest.mark.parametrize('text', ['', '\n', '{"robot": {}}'])
+def test_urdf_without_xml_raises_one_line(text: str, tmp_path: Path) -> None:
+    """It is no parameter file without parameters, which would select the default robot."""
+    path = tmp_path / 'arm.urdf'
+    path.write_text(text, encoding='utf-8')
+    with pytest.raises(InputError, match=f'^{re.escape(str(path))}: no XML in it; expected a URDF'):
+        source_of(str(path))
 
 
 def test_written_file_has_values_of_the_urdf(tmp_path: Path) -> None:
