@@ -101,6 +101,8 @@ class TorqueOutput:
     def repeat(self) -> None:
         """Send the last command again."""
         self.publishers[0].publish(self._sent)
+        if self._shared is not None:
+            self._shared.repeat()
 
     def figures(self) -> dict[str, str]:
         """Return the largest torque."""
@@ -108,7 +110,7 @@ class TorqueOutput:
 
     def _send(self, raw: bytes) -> None:
         self._sent = raw
-        self.repeat()
+        self.publishers[0].publish(raw)
 
 
 class _SharedOutput:
@@ -122,6 +124,7 @@ class _SharedOutput:
         kind = EFFORT.named(mechanism.sharing_drives)
         self._writer = CommandWriter(kind, self._numbers)
         self._void = CommandWriter(kind, np.zeros(len(self._numbers)), is_void=True)
+        self._sent = b''
 
     def connect(self, advertise: Advertise) -> None:
         """Create the publisher."""
@@ -130,11 +133,17 @@ class _SharedOutput:
     def send(self, stamp: int) -> None:
         """Send the torques as the response to the state of a stamp in ns."""
         self._numbers[:] = self._distributed(self._torque[None])[0]
-        self._publisher.publish(self._writer.to_bytes(stamp))
+        self._sent = self._writer.to_bytes(stamp)
+        self.repeat()
 
     def send_void(self, stamp: int) -> None:
         """Send a void command as the response to the state of a stamp in ns."""
-        self._publisher.publish(self._void.to_bytes(stamp))
+        self._sent = self._void.to_bytes(stamp)
+        self.repeat()
+
+    def repeat(self) -> None:
+        """Send the last torques again."""
+        self._publisher.publish(self._sent)
 
 
 class BaseOutput:
