@@ -9,13 +9,19 @@ from pathlib import Path
 import subprocess
 import sys
 
-from helpers.child_environment import child_environment
+from helpers.child_environment import child_environment, domain
+from helpers.core_loop import node_values
 from helpers.log_contents import read_log
-from helpers.processes import processes, ros_arguments
-from helpers.wheeled_tree import MECANUM_ANGLES, parameter_file, WEAK, WHEELS
+from helpers.processes import peer, processes, ros_arguments
+from helpers.wheeled_tree import MECANUM_ANGLES, parameter_file, SKID, WEAK, WHEELS
+from masmc_ros.loop.controller import Controller
 from masmc_ros.messages.commands import EffortCdr
+from masmc_ros.nodes.controller.output import TorqueOutput
+from masmc_ros.robot.joint_names import driven_joint_names
+from masmc_ros.robot.robot import robot_of
 import numpy as np
 import pytest
+from std_msgs.msg import Float64MultiArray
 
 INTERPRETED = {'NUMBA_DISABLE_JIT': '1'}
 """Bitwise identical, without a minute of compilation."""
@@ -57,3 +63,33 @@ def test_mecanum_nodes_equal_simulation_bitwise(tmp_path: Path) -> None:
     weak = WHEELS.index('rear_right_wheel_joint')
     assert 0.0 < most[weak] < WEAK
     assert most[weak] < np.delete(most, weak).min()
+
+
+def test_repeated_command_contains_wheel_torques(tmp_path: Path) -> None:
+    """The drives of the wheels otherwise wait for the answer to a repeated state."""
+    (tmp_path / 'cart.urdf').write_text(SKID, encoding='utf-8')
+    values = node_values({
+        'robot.urdf': str(tmp_path / 'cart.urdf'),
+        'robot.base': 'differential',
+        'robot.wheels': list(WHEELS),
+        'robot.task': ['planar'],
+    })['controller']  # fmt: skip
+    controller = Controller(robot_of(values), 0.01, values)
+    output = TorqueOutput(controller, driven_joint_names(values))
+    controller.torque[:] = 1.0, 2.0, 3.0, 4.0
+    with domain() as number, peer(number) as node:
+        both = [
+            node.collect(Float64MultiArray, topic, past=False)
+            for topic in ('effort_commands', 'wheel_commands')
+        ]
+        output.connect(node.publisher)
+        for publisher in node.node.publishers:
+            if publisher.msg_type is Float64MultiArray:
+                node.wait_for_subscribers(publisher)
+        output.send(10)
+        output.repeat()
+        node.until(lambda: all(len(messages) == 2 for messages in both))
+    for first, second in both:
+        assert first == second
+    torques = both[1][0].data
+    assert torques[0] + torques[1] == pytest.approx(1.0)

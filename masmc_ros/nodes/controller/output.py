@@ -123,8 +123,8 @@ class _SharedOutput:
         self._numbers = np.zeros(len(mechanism.sharing_drives))
         kind = EFFORT.named(mechanism.sharing_drives)
         self._writer = CommandWriter(kind, self._numbers)
-        self._sent = b''
         self._void = CommandWriter(kind, np.zeros(len(self._numbers)), is_void=True)
+        self._sent = b''
 
     def connect(self, advertise: Advertise) -> None:
         """Create the publisher."""
@@ -133,19 +133,17 @@ class _SharedOutput:
     def send(self, stamp: int) -> None:
         """Send the torques as the response to the state of a stamp in ns."""
         self._numbers[:] = self._distributed(self._torque[None])[0]
-        self._send(self._writer.to_bytes(stamp))
+        self._sent = self._writer.to_bytes(stamp)
+        self.repeat()
 
     def send_void(self, stamp: int) -> None:
         """Send a void command as the response to the state of a stamp in ns."""
-        self._send(self._void.to_bytes(stamp))
+        self._sent = self._void.to_bytes(stamp)
+        self.repeat()
 
     def repeat(self) -> None:
-        """Send the last command again."""
+        """Send the last torques again."""
         self._publisher.publish(self._sent)
-
-    def _send(self, raw: bytes) -> None:
-        self._sent = raw
-        self.repeat()
 
 
 class BaseOutput:
