@@ -40,7 +40,7 @@ BLUE, VERMILLION, BLACK = (0, 114, 178), (213, 94, 0), (0, 0, 0)
 
 def figures(runs: list[Run]) -> dict[str, bytes]:
     """Draw all figures of runs."""
-    return dict(draw_figures(runs, labels(runs), list(digests_of(runs))))
+    return dict(draw_figures(runs, labels(runs), digests_of(runs)))
 
 
 def pixels(data: bytes) -> np.ndarray:
