@@ -103,7 +103,12 @@ build/docs_assets: tools/docs_assets.sh
 build/docs_assets/paper.html: $(VENV)/.installed $(wildcard masmc_ros/native/templates/*) | build/docs_assets
 	@$(BIN)/masmc page paper --laws all --overwrite --output $@
 
-docs: $(DOCS)/.installed build/docs_assets build/docs_assets/paper.html
+# Runs of all laws for the figures of their pages, and of the animation of the first page.
+build/docs_figures: $(VENV)/.installed tools/docs_figures.py tools/docs_animation.html
+	@$(BIN)/python tools/docs_figures.py $@
+	@touch $@
+
+docs: $(DOCS)/.installed build/docs_assets build/docs_assets/paper.html build/docs_figures
 	@rm -rf docs/api  # of an interrupted build
 	@$(DOCS)/bin/python -m sphinx --builder html --quiet --fail-on-warning --keep-going \
 		--doctree-dir build/doctrees docs build/docs

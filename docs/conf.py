@@ -29,6 +29,7 @@ extensions = [
     'sphinxcontrib.katex',
     'sphinx_copybutton',
     'plain_docstrings',
+    'built_figures',
     'repository_links',
     'mermaid_diagrams',
     'run_links',
@@ -67,6 +68,8 @@ copybutton_exclude = '.linenos, .gp, .go'
 
 html_theme = 'furo'
 html_css_files = ['site.css']
+html_js_files = ['search_excerpts.js']
+html_favicon = '_static/favicon.svg'
 html_show_sphinx = False
 html_copy_source = False
 html_show_sourcelink = False

@@ -9,7 +9,7 @@ A report reads one run after the other, so its memory is that of some runs.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import lru_cache
 import math
@@ -129,10 +129,14 @@ def digest(run: Run, place: int, count: int) -> Digest:
     )
 
 
-def digests_of(runs: Sequence[Run]) -> Iterator[Digest]:
-    """Yield the digest of each run."""
-    for place, run in enumerate(runs, start=1):
-        yield digest(run, place, len(runs))
+def digests_of(runs: Sequence[Run]) -> list[Digest]:
+    """
+    Return the digest of each run.
+
+    The first runs are read last: they are still in memory when their figures are drawn.
+    """
+    count = len(runs)
+    return [digest(runs[i], i + 1, count) for i in reversed(range(count))][::-1]
 
 
 def compared_runs(digests: Sequence[Digest]) -> list[int]:

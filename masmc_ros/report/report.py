@@ -82,7 +82,7 @@ def write_report(
     """
     if not runs:
         raise InputError('no runs to report; expected at least one log')
-    digests = list(digests_of(runs))
+    digests = digests_of(runs)
     light = [entry.run for entry in digests]
     names = run_names(light)
     # Files with numbers name runs by law and file, as their readers expect.
@@ -115,7 +115,7 @@ def write_report(
 @np.errstate(over='ignore', invalid='ignore')  # as above
 def write_page(run: Run, path: Path) -> None:
     """Write the page of a run alone, without figures; InputError as for `write_report`."""
-    digests = list(digests_of([run]))
+    digests = digests_of([run])
     write_file(path, report_page(run_names([run]), digests, [0]).encode())
 
 

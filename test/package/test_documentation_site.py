@@ -11,6 +11,7 @@ from pathlib import Path
 import re
 from types import SimpleNamespace
 
+from masmc_ros.law import registry
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -106,3 +107,30 @@ def test_pages_of_laws_link_to_runs_in_the_browser(
     importlib.import_module('run_links')._add_link(None, page, source)
     assert ('_static/paper.html#law=smc' in source[0]) == is_linked
     assert source[0].endswith('\n## Summary\n')
+
+
+def test_figures_of_laws_stand_before_equations(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(DOCS / '_extensions')
+    extension = importlib.import_module('built_figures')
+    monkeypatch.setattr(extension, 'FIGURES', tmp_path)
+    followed = {f'reference/laws/{law}': '\n## Equations\n' for law in registry.LAWS}
+    for page, heading in {**followed, 'index': '\n<a href="_static/paper.html">'}.items():
+        name = 'animation' if page == 'index' else page.rpartition('/')[2]
+        source = [(DOCS / f'{page}.md').read_text(encoding='utf-8')]
+        extension._insert(None, page, source)
+        assert '<figure>' not in source[0]
+        (tmp_path / f'{name}.html').write_text('<figure>\n')
+        extension._insert(None, page, source)
+        assert f'\n<figure>\n{heading}' in source[0], page
+
+
+def test_figures_of_laws_have_ranks_of_every_law(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(ROOT / 'tools')
+    figures = importlib.import_module('docs_figures')
+    ranks = {law: figures.ranks(law) for law in registry.LAWS}
+    for text in ranks.values():
+        assert all(f'{title} ' in text for title in figures.CONDITIONS.values())
+    best = ranks['super_twisting']
+    assert re.search(r'the paper’s robot [1-9]\b', best), best

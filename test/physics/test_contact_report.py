@@ -86,7 +86,7 @@ def test_contact_tables_without_contact_have_no_slip() -> None:
 
 def test_contact_page_plots_slip_and_forces() -> None:
     run = slipping()
-    page = Page(report_page(['slips'], list(digests_of([run])), [0]))
+    page = Page(report_page(['slips'], digests_of([run]), [0]))
     drawn = lines(page.figure('run-1-slip'))
     assert list(drawn) == [
         f'{joint}, {part}'

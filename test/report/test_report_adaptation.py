@@ -39,7 +39,7 @@ def estimating(plant: dict[str, Any], path: str = 'a.mcap', **controller: Any) -
 def page_of(*runs: Run) -> Page:
     """Return the page of runs with the names of their files."""
     names = [run.path.stem for run in runs]
-    return Page(report_page(names, list(digests_of(runs)), range(len(runs))))
+    return Page(report_page(names, digests_of(runs), range(len(runs))))
 
 
 def test_adaptation_of_simulated_plant_is_relative_to_truth() -> None:

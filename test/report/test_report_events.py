@@ -19,7 +19,7 @@ import numpy as np
 
 
 def page(run: Run) -> Page:
-    return Page(report_page(labels([run]), list(digests_of([run])), [0]))
+    return Page(report_page(labels([run]), digests_of([run]), [0]))
 
 
 def with_limited_torque(run: Run) -> Run:

@@ -40,7 +40,7 @@ BLUE, VERMILLION, BLACK = (0, 114, 178), (213, 94, 0), (0, 0, 0)
 
 def figures(runs: list[Run]) -> dict[str, bytes]:
     """Draw all figures of runs."""
-    return dict(draw_figures(runs, labels(runs), list(digests_of(runs))))
+    return dict(draw_figures(runs, labels(runs), digests_of(runs)))
 
 
 def pixels(data: bytes) -> np.ndarray:
@@ -123,9 +123,12 @@ def test_report_error_figure_is_in_mm_with_enlarged_axes(point: Point) -> None:
         _, x, y = axes.get_lines()
         np.testing.assert_allclose(np.stack([x.get_ydata(), y.get_ydata()], axis=1), error)
     assert upper.get_ylim()[1] >= error.max()
-    settled = np.abs(error[tracked.times >= 10.0]).max()
-    assert settled < lower.get_ylim()[1] < 1.3 * settled
-    assert lower.get_ylim()[0] == -lower.get_ylim()[1]
+    assert lower.get_xlim() == (10.0, 20.0)
+    settled = error[(tracked.times >= 10.0) & (tracked.times < 20.0)]
+    low, high = min(settled.min(), 0.0), max(settled.max(), 0.0)
+    assert lower.get_ylim() == pytest.approx((low, high), abs=0.1 * (high - low))
+    assert lower.get_ylim()[0] < low
+    assert lower.get_ylim()[1] > high
 
 
 def test_report_figure_names_further_runs_follow_logs() -> None:

@@ -51,7 +51,7 @@ TIMES = ticks()
 
 def html(*runs: Run) -> str:
     """Return the report of runs."""
-    return report_page(labels(runs), list(digests_of(runs)), range(len(runs)))
+    return report_page(labels(runs), digests_of(runs), range(len(runs)))
 
 
 def page(*runs: Run) -> Page:

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -80,7 +80,8 @@ class MessageFormat:
     width
         number of values of each message.
     layout
-        returns the layout of a message if this package has one for it, else None.
+        layout of all messages; or a function that returns the layout of a message, None if this
+        package has none for it.
     bulk
         reads messages of a layout: stamps in ns, values, and whether each stamp is usable; stamp
         and values have no meaning if it is not.
@@ -92,7 +93,7 @@ class MessageFormat:
     """
 
     width: int
-    layout: Callable[[bytes], Layout | None]
+    layout: Layout | Callable[[bytes], Layout | None]
     bulk: Callable[[Messages], tuple[Stamps, Array, NDArray[np.bool_] | bool]]
     single: Callable[[Any, int], tuple[int, Array]]
     marks_void: bool = False
@@ -148,17 +149,10 @@ def decode_topic(topic: Topic, kind: MessageFormat) -> Series:
     count = len(topic.messages)
     stamps, values = np.zeros(count, np.int64), np.zeros((count, kind.width))
     usable = np.zeros(count, bool)
-    groups: dict[Layout, list[int]] = defaultdict(list)
-    latest, members = None, []
-    for index, raw in enumerate(topic.messages):
-        layout = kind.layout(raw)
-        if layout is not None and len(raw) == layout.size:
-            # Nearly all messages have the layout of the one before; its hash takes long.
-            if layout is not latest:
-                latest, members = layout, groups[layout]
-            members.append(index)
-    for layout, members in groups.items():
-        matching, messages = layout.read([topic.messages[index] for index in members])
+    for layout, members in _by_layout(topic.messages, kind):
+        matching, messages = layout.read(
+            topic.messages if isinstance(members, slice) else [topic.messages[i] for i in members]
+        )
         stamps[members], values[members], has_stamp = kind.bulk(messages)
         in_time = (stamps[members] >= 0) & (stamps[members] < END_OF_TIME)
         usable[members] = matching & has_stamp & in_time
@@ -185,6 +179,28 @@ def decode_topic(topic: Topic, kind: MessageFormat) -> Series:
     return Series(stamps[usable], values[usable], orders[usable], is_void)
 
 
+def _by_layout(
+    messages: Sequence[bytes], kind: MessageFormat
+) -> Iterable[tuple[Layout, list[int] | slice]]:
+    """Return the layouts of messages with the indices of those of their size."""
+    if isinstance(kind.layout, Layout):
+        size = kind.layout.size
+        if set(map(len, messages)) == {size}:
+            return [(kind.layout, slice(None))]
+        members = [index for index, raw in enumerate(messages) if len(raw) == size]
+        return [(kind.layout, members)] if members else []
+    groups: dict[Layout, list[int]] = defaultdict(list)
+    latest = None
+    for index, raw in enumerate(messages):
+        layout = kind.layout(raw)
+        if layout is not None and len(raw) == layout.size:
+            # Nearly all messages have the layout of the one before; its hash takes long.
+            if layout is not latest:
+                latest, members = layout, groups[layout]
+            members.append(index)
+    return groups.items()
+
+
 def joint_states(
     names: tuple[str, ...] = JOINTS, joints: tuple[str, ...] | None = None
 ) -> MessageFormat:
@@ -204,7 +220,7 @@ def joint_states(
         message.load_message(received, joints, unknown_velocity=np.nan)
         return message.stamp_ns, np.hstack((message.position, message.velocity, message.effort))
 
-    return MessageFormat(len(FIELDS) * len(names), lambda _: layout, bulk, single)
+    return MessageFormat(len(FIELDS) * len(names), layout, bulk, single)
 
 
 def commands(kind: CommandKind) -> MessageFormat:
@@ -252,7 +268,7 @@ def telemetry(label: str, count: int) -> MessageFormat:
         message.load_message(received)
         return message.stamp_ns, message.values
 
-    return MessageFormat(count, lambda _: layout, bulk, single)
+    return MessageFormat(count, layout, bulk, single)
 
 
 def decode_references(topic: Topic, axes: int) -> list[tuple[int, ReferenceWindow]]:

@@ -22,15 +22,15 @@ from matplotlib.figure import Figure
 import numpy as np
 
 _HEIGHT = 78.0
-_HEADROOM = 1.15
-"""Height of the lower panel over the largest error in the window."""
+_MARGIN = 0.08
+"""Margin of the lower panel, as a part of the range of the errors in the window."""
 
 
 def error_figure(
     tracked: Tracking, reached: Metrics, label: str, point: Point
 ) -> Figure | None:
     """
-    Draw the errors of a point over the whole run and, enlarged, once settled.
+    Draw the errors of a point over the whole run and, enlarged, within the window.
 
     Returns None without errors in the window.
     """
@@ -38,7 +38,7 @@ def error_figure(
     if rms is None:
         return None
     figure = new_figure(COLUMN, _HEIGHT)
-    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+    upper, lower = figure.subplots(2, 1)
     # Letters for the axes of a path, numbers for joints.
     axis_names = [str(1 + i) for i in range(point.size)]
     if point.is_place:
@@ -50,6 +50,7 @@ def error_figure(
             draw_line(axes, line, linewidth=0.9)
         axes.set_ylabel(panel.quantity)
     _enlarge(lower, tracked, tracked.small_errors(point), reached)
+    upper.axvspan(reached.start, reached.end, color=GREY, alpha=0.12, linewidth=0.0)
     lower.text(
         1.0,
         1.02,
@@ -60,6 +61,8 @@ def error_figure(
         ha='right',
         va='bottom',
     )
+    time_axis(upper)
+    upper.set_xlabel('')
     time_axis(lower)
     caption(figure, upper, label, upper.get_lines()[1:])
     figure.align_ylabels()
@@ -67,9 +70,10 @@ def error_figure(
 
 
 def _enlarge(axes: Axes, tracked: Tracking, error: np.ndarray, reached: Metrics) -> None:
-    """Scale to the errors in the window and shade it."""
+    """Limit the axes to the window and to the errors in it."""
     settled = error[(reached.start <= tracked.times) & (tracked.times < reached.end)]
-    largest = float(np.nanmax(np.abs(settled), initial=0.0))
-    if np.isfinite(largest) and largest > 0.0:
-        axes.set_ylim(-_HEADROOM * largest, _HEADROOM * largest)
-    axes.axvspan(reached.start, reached.end, color=GREY, alpha=0.12, linewidth=0.0)
+    axes.set_xlim(reached.start, reached.end)
+    low, high = float(np.nanmin(settled, initial=0.0)), float(np.nanmax(settled, initial=0.0))
+    if np.isfinite(high - low) and high > low:
+        margin = _MARGIN * (high - low)
+        axes.set_ylim(low - margin, high + margin)
