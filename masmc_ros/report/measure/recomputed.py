@@ -123,14 +123,20 @@ class Recomputed:
         if self._first is not None:
             where = f'first {self._first[1]} at t = {self._first[0] / NANOSECONDS:.3f} s'
         if self._responses is not None:
-            where += f'; {self._lacking()}'
+            where += f'; {self._lacking(has_states=states == logged)}'
         return (
             f'recomputed{reason}: {states} states and {commands} commands of the {total} of'
             f' {self._run.path} are bitwise identical; the others differ, {where}'
         )
 
-    def _lacking(self) -> str:
-        """Return what the log of a run in real time lacks for its recomputation."""
+    def _lacking(self, *, has_states: bool) -> str:
+        """
+        Return what the log of a run in real time lacks for its recomputation.
+
+        `has_states` is True if all states are identical.
+        """
+        if has_states:
+            return 'a controller that ends or loses states sends commands between them'
         if is_compensated(self._run.parameters['controller']):
             return 'the log lacks the lateness by which the controller compensates latency'
         return 'in real time the log lacks when late commands reach drives with delays, and halts'
