@@ -12,7 +12,7 @@ largest error. The run is also computed again from its log.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 import math
 from pathlib import Path
 import subprocess
@@ -33,6 +33,7 @@ from rcl_interfaces.srv import SetParameters
 import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.publisher import Publisher
 from rclpy.wait_for_message import wait_for_message
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import (
@@ -107,6 +108,9 @@ class Client:
             rclpy.spin_once(self._node, timeout_sec=0.0)
             time.sleep(self._rng.uniform(0.1, 1.5))
 
+    def _one_of(self, publishers: Mapping[str, Publisher]) -> Publisher:
+        return publishers[str(self._rng.choice(list(publishers)))]
+
     def _stop(self) -> None:
         self._joints.publish(JointTrajectory())
 
@@ -127,12 +131,12 @@ class Client:
         return pose
 
     def _goal(self) -> None:
-        self._rng.choice(list(self._poses.values())).publish(self._pose())
+        self._one_of(self._poses).publish(self._pose())
 
     def _path(self) -> None:
         path = PathMessage(poses=[self._pose() for _ in range(3)])
         path.header.frame_id = 'odom'
-        self._rng.choice(list(self._paths.values())).publish(path)
+        self._one_of(self._paths).publish(path)
 
     def _body(self) -> None:
         plan = MultiDOFJointTrajectory(joint_names=['base_link'])

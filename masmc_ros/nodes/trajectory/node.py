@@ -26,13 +26,14 @@ from masmc_ros.nodes.process.base import SuiteNode
 from masmc_ros.nodes.process.command_line import CommandLine
 from masmc_ros.nodes.process.diagnostics import Health, publish_health, RejectedMessages
 from masmc_ros.nodes.process.runtime import run
+from masmc_ros.nodes.trajectory.follow_action import follow_action
 from masmc_ros.nodes.trajectory.path_input import PathInput
 from masmc_ros.nodes.trajectory.path_messages import PathRequest
 from masmc_ros.nodes.trajectory.received_paths import ReceivedPaths
 from masmc_ros.params.declaration import MutableValues
 from masmc_ros.reference.sampled_trajectory import PATH_RECEIVED
 from masmc_ros.reference.trajectory import path_values, Trajectory
-from masmc_ros.robot.joint_names import check_frame_prefix
+from masmc_ros.robot.joint_names import check_frame_prefix, joint_names
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.throttle import Throttle
 from nav_msgs.msg import Odometry, Path
@@ -109,6 +110,15 @@ class TrajectoryNode(SuiteNode):
         self._paths = self.latched(Path, DESIRED_PATH_TOPIC)
         self._input = PathInput(
             self, self._mechanism, self._prefix, self._on_path, self._on_state
+        )
+        self._action = follow_action(
+            self,
+            self._received,
+            self._timing,
+            joint_names(self.values),
+            has_yaw=self._mechanism.is_planar,
+            read=self._input.read_joints,
+            start=self._on_goal,
         )
         publish_health(
             self.node, self.latched(DiagnosticArray, '/diagnostics'), self.steady, self._health
@@ -244,6 +254,11 @@ class TrajectoryNode(SuiteNode):
             # The path of the message has replaced that of the parameters, which waits.
             self._withdraw_requested()
 
+    def _on_goal(self, request: PathRequest) -> None:
+        """Let the path of an action wait for its start; may raise InputError."""
+        self._on_path(request)
+        self._input.follow_states()
+
     def _request(self, values: MutableValues) -> Pending:
         """
         Let the trajectory of changed parameters wait for its start, as a path of a message does.
@@ -277,11 +292,29 @@ class TrajectoryNode(SuiteNode):
         self.parameters.withdraw(self._take_requested())
 
     def _on_state(self, stamp: int, position: Array) -> None:
-        """Start a path that waits for this state of the robot."""
-        request = self._received.waiting
-        if request is None or self._origin is None:
+        """Start a path that waits for this state of the robot, and follow goals of the action."""
+        if self._origin is None:
             return
         tick = round((stamp - self._origin) / (1e9 * self._timing.period))
+        if self._received.waiting is not None:
+            self._start_waiting(self._received.waiting, tick, stamp, position)
+        if self._action is not None:
+            self._action.update(tick, position)
+
+    def _start_waiting(
+        self, request: PathRequest, tick: int, stamp: int, position: Array
+    ) -> None:
+        """
+        Start a waiting path if a state is the one at which it starts.
+
+        Parameters
+        ----------
+        request
+            Path.
+        tick, stamp, position
+            Tick, stamp in ns and positions (positions) of the state.
+
+        """
         before = self._received.followed
         continues = before is not None and before.is_command and tick <= self._received.end
         try:
@@ -292,11 +325,13 @@ class TrajectoryNode(SuiteNode):
                 return
         except InputError as error:
             self._input.reject(request.topic, error)
+            if self._action is not None:
+                self._action.reject(request, error)
             self._withdraw_requested()
             self._skip_until(tick)
         else:
             self._next = first
-            start = self._timing.stamp(first) + self._origin
+            start = self._timing.stamp(first) + (self._origin or 0)
             self._input.accept()
             changed = self._take_requested()
             if changed:
