@@ -94,7 +94,7 @@ class Run:
 
     def accept(self, goal: Any) -> FollowedGoal:
         request = request_of(goal.trajectory)
-        followed = FollowedGoal(goal, request, NAMES, has_yaw=True)
+        followed = FollowedGoal(goal, request, NAMES, is_planar=True)
         self.take(request)
         return followed
 
@@ -233,7 +233,7 @@ def test_cancelled_and_rejected_goals_end_at_the_next_state() -> None:
 )
 def test_wrong_goal_is_rejected_with_one_line(goal: Any, error: str) -> None:
     with pytest.raises(InputError, match=error) as caught:
-        FollowedGoal(goal, request_of(goal.trajectory), NAMES, has_yaw=True)
+        FollowedGoal(goal, request_of(goal.trajectory), NAMES, is_planar=True)
     assert '\n' not in str(caught.value)
 
 

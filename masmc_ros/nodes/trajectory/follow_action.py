@@ -82,7 +82,7 @@ class FollowedGoal:
     """
 
     def __init__(
-        self, goal: Any, request: PathRequest, names: Sequence[str], *, has_yaw: bool
+        self, goal: Any, request: PathRequest, names: Sequence[str], *, is_planar: bool
     ) -> None:
         """
         Initialise the goal.
@@ -95,8 +95,8 @@ class FollowedGoal:
             Its path.
         names
             Names of the joints in the order of a joint state.
-        has_yaw
-            True if the third one is the yaw of the base.
+        is_planar
+            True if the third one is the heading of the base.
 
         Raises
         ------
@@ -115,7 +115,7 @@ class FollowedGoal:
         self.request, self.is_cancelled, self.rejection = request, False, ''
         self.columns = points.columns
         self.names = [names[column] for column in points.columns]
-        self._yaw = self.columns == HEADING if has_yaw else np.zeros(len(self.columns), np.bool_)
+        self._turned = (self.columns == HEADING) & is_planar
         self._on_path = self._tolerances(goal.path_tolerance, 'path_tolerance')
         self._at_goal = self._tolerances(goal.goal_tolerance, 'goal_tolerance')
         patience = goal.goal_time_tolerance
@@ -155,7 +155,7 @@ class FollowedGoal:
         desired, velocities, accelerations = (values[self.columns] for values in state)
         actual = position[self.columns]
         error = actual - desired
-        error[self._yaw] = (error[self._yaw] + np.pi) % (2.0 * np.pi) - np.pi
+        error[self._turned] = (error[self._turned] + np.pi) % (2.0 * np.pi) - np.pi
         time = timing.time(tick)
         if tick < received.end:
             wrong = self._excess(error, self._on_path, f'from the path at t = {time:g} s')
@@ -196,14 +196,14 @@ class FollowedGoal:
 
 def follow_action(
     node: SuiteNode, received: ReceivedPaths, timing: Timing, names: Sequence[str],
-    *, has_yaw: bool, read: Callable[[str, JointTrajectory], PathRequest],
+    *, is_planar: bool, read: Callable[[str, JointTrajectory], PathRequest],
     start: Callable[[PathRequest], None],
 ) -> FollowAction | None:
     """Return the action server of a node; None without `control_msgs`. Arguments: FollowAction."""
     if find_spec('control_msgs') is None:
         return None
     return FollowAction(
-        node, received, timing, names, has_yaw=has_yaw, read=read, start=start
+        node, received, timing, names, is_planar=is_planar, read=read, start=start
     )
 
 
@@ -212,7 +212,7 @@ class FollowAction:
 
     def __init__(
         self, node: SuiteNode, received: ReceivedPaths, timing: Timing, names: Sequence[str],
-        *, has_yaw: bool, read: Callable[[str, JointTrajectory], PathRequest],
+        *, is_planar: bool, read: Callable[[str, JointTrajectory], PathRequest],
         start: Callable[[PathRequest], None],
     ) -> None:
         """
@@ -222,7 +222,7 @@ class FollowAction:
         ----------
         node, received, timing
             Trajectory node, its paths and its control grid.
-        names, has_yaw
+        names, is_planar
             As for a FollowedGoal.
         read
             Function that reads the trajectory of a goal; an InputError rejects it.
@@ -235,7 +235,7 @@ class FollowAction:
 
         self._type = FollowJointTrajectory
         self._node, self._received, self._timing = node, received, timing
-        self._names, self._has_yaw = names, has_yaw
+        self._names, self._is_planar = names, is_planar
         self._read, self._start = read, start
         self._answers = GoalResponse
         self._accept_cancel = CancelResponse.ACCEPT
@@ -274,7 +274,7 @@ class FollowAction:
         """Accept or reject a goal; the reason of a rejection is a warning of the node."""
         try:
             request = self._read(ACTION, goal.trajectory)
-            followed = FollowedGoal(goal, request, self._names, has_yaw=self._has_yaw)
+            followed = FollowedGoal(goal, request, self._names, is_planar=self._is_planar)
             self._start(request)
         except InputError as error:
             self._node.log.warning(f'{ACTION} rejected: {error}')

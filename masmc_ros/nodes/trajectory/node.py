@@ -116,7 +116,7 @@ class TrajectoryNode(SuiteNode):
             self._received,
             self._timing,
             joint_names(self.values),
-            has_yaw=self._mechanism.is_planar,
+            is_planar=self._mechanism.is_planar,
             read=self._input.read_joints,
             start=self._on_goal,
         )
