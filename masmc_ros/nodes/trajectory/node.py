@@ -92,6 +92,7 @@ class TrajectoryNode(SuiteNode):
         self._was_before = False
         self._is_activated = False
         self._last_tick: int | None = None
+        self._state_tick: int | None = None
         self._rejected_messages = RejectedMessages(self.log)
         self._requested: MutableValues = {}
         self._retry: Timer | None = None
@@ -183,14 +184,7 @@ class TrajectoryNode(SuiteNode):
             self._set_origin(stamp)
             tick = self._next = 0
         self._was_before = False
-        if max(tick, 0) + self._horizon + self._window < self._next:
-            # The stamps of two robots may alternate many times in a second.
-            if self._throttle.is_due('set back', time.monotonic()):
-                self.log.info('the robot was set back; the reference follows')
-            self._next = max(0, tick)
-            if self._received.reset_before(self._next):
-                self._withdraw_requested()
-                self.log.info('it is before the path of a message, which is dropped')
+        self._check_set_back(tick, self._state_tick)
         self._skip_until(tick)
         self._send_until(tick + self._horizon, stamp)
         previous, self._last_tick = self._last_tick, tick
@@ -202,6 +196,33 @@ class TrajectoryNode(SuiteNode):
         is_confirmed = is_near or tick == self._timing.last
         if tick >= self._timing.last and is_confirmed:
             self.finished = True
+
+    def _check_set_back(self, tick: int, other: int | None) -> bool:
+        """
+        Return True if the robot was set back, and continue the reference there.
+
+        A path starts at a tick of `joint_states`, and on a busy machine older odometry may arrive
+        after it. Therefore both have to be earlier.
+
+        Parameters
+        ----------
+        tick
+            Tick of the message.
+        other
+            Latest tick of the other topic; None without one.
+
+        """
+        newest = max(tick, 0 if other is None else other)
+        if max(newest, 0) + self._horizon + self._window >= self._next:
+            return False
+        # The stamps of two robots may alternate many times in a second.
+        if self._throttle.is_due('set back', time.monotonic()):
+            self.log.info('the robot was set back; the reference follows')
+        self._next = max(0, newest)
+        if self._received.reset_before(self._next):
+            self._withdraw_requested()
+            self.log.info('it is before the path of a message, which is dropped')
+        return True
 
     def _set_origin(self, origin: int) -> int:
         """Start the trajectory at a stamp in ns; publish its path if it has an end."""
@@ -296,6 +317,9 @@ class TrajectoryNode(SuiteNode):
         if self._origin is None:
             return
         tick = round((stamp - self._origin) / (1e9 * self._timing.period))
+        self._state_tick = tick
+        if self._last_tick is not None and self._check_set_back(tick, self._last_tick):
+            self._send_until(tick + self._horizon, stamp)
         if self._received.waiting is not None:
             self._start_waiting(self._received.waiting, tick, stamp, position)
         if self._action is not None:
