@@ -17,7 +17,8 @@ help:
 	@echo 'make lint   style and types'
 	@echo 'make docs   the documentation as a site, build/docs/index.html; needs Node.js with npm'
 	@echo 'make bench  speeds, as ratios within one run'
-	@echo 'make soak   ten minutes in real time at 1 kHz; SECONDS=60 for a shorter try, HOSTILE=SEED with random input'
+	@echo 'make soak   ten minutes in real time at 1 kHz; SECONDS=60 for a shorter try, HOSTILE=SEED with random input,'
+	@echo '            FIGHT=SEED with clients that compete for the reference'
 	@echo 'make clean  remove what make and the demo made'
 
 # With PYTHON=..., also if the environment exists already.
@@ -119,7 +120,8 @@ bench: $(VENV)/.installed-dev
 
 SECONDS := 600
 soak: $(VENV)/.installed-dev
-	@$(BIN)/python -m benchmarks.soak $(SECONDS) $(if $(HOSTILE),--hostile --seed $(HOSTILE))
+	@$(BIN)/python -m benchmarks.soak $(SECONDS) $(if $(HOSTILE),--hostile --seed $(HOSTILE)) \
+		$(if $(FIGHT),--fight --seed $(FIGHT))
 
 clean:
 	rm -rf $(VENV) $(OLDEST) $(DOCS) docs/api build install demo report *.egg-info

@@ -6,7 +6,8 @@ Long run at 1 kHz with memory and open files of nodes: `python -m benchmarks.soa
 
 The exit status is 1 if a node ends unexpectedly or with an error. Growing memory after the warm-up
 and open files at the end also cause it. With `--hostile` a client sends random requests and
-messages to all nodes, and some nodes are killed: see `hostile_soak.py`.
+messages to all nodes, and some nodes are killed: see `hostile_soak.py`. With `--fight` clients
+compete for the reference: see `fighting_clients.py`.
 """
 
 from __future__ import annotations
@@ -83,13 +84,18 @@ def main() -> int:
     parser.add_argument(
         '--hostile', action='store_true', help='send random input and kill nodes meanwhile'
     )
-    hostile = parser.add_argument_group('with --hostile')
-    hostile.add_argument(
+    parser.add_argument(
+        '--fight', action='store_true', help='let clients compete for the reference meanwhile'
+    )
+    random = parser.add_argument_group('with --hostile or --fight')
+    random.add_argument(
         '--seed', type=int, default=None, help='seed of the random input (by default a new one)'
     )
-    hostile.add_argument(
-        '--period', type=float, default=0.002, help='control period in s (%(default)s)'
+    random.add_argument(
+        '--period', type=float, default=None,
+        help='control period in s (0.002, with --fight 0.005)',
     )
+    hostile = parser.add_argument_group('with --hostile')
     hostile.add_argument(
         '--wheel-speed',
         type=float,
@@ -108,16 +114,20 @@ def main() -> int:
         help='control laws to change among; each must be compiled once (%(default)s)',
     )
     options = parser.parse_args()
+    seed = time.time_ns() % 2**31 if options.seed is None else options.seed
+    if options.fight:
+        from benchmarks.fighting_clients import fight
+
+        return 0 if fight(options.seconds, seed, options.period or 0.005) else 1
     if not options.hostile:
         return 0 if soak(options.seconds) else 1
     from benchmarks.hostile_soak import hostile_soak, Options
 
-    seed = time.time_ns() % 2**31 if options.seed is None else options.seed
     is_well = hostile_soak(
         Options(
             seconds=options.seconds,
             seed=seed,
-            period=options.period,
+            period=options.period or 0.002,
             wheel_speed=options.wheel_speed,
             arm_speed=options.arm_speed,
             laws=tuple(options.laws.split(',')),

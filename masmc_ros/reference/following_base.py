@@ -11,7 +11,10 @@ effector, and the arm stays clear of its stretched and folded postures. If the e
 too close, the point retreats, and a base that cannot drive sideways turns round first. From a
 start at another distance it moves to a comfortable one on the way.
 
-The path of the point has minimum jerk (`minimum_jerk.py`) and passes the curve at knots, so
+The axes of the base in the task are those of this point, or follow from it and from the direction
+of the end effector: `base_axes` of the mechanism, for the heading of a tree.
+
+The path of these axes has minimum jerk (`minimum_jerk.py`) and passes the curve at knots, so
 corners are rounded; it starts and ends at rest.
 """
 
@@ -62,24 +65,26 @@ def follow_tip(
     knots
         Knots (n, 3 axes) of the path with derivatives; those of the carrier are ignored.
     start
-        Position (2) of the carrier in m at the start; None for a place behind the end effector.
+        Task coordinates (axes) at the start; None for a place behind the end effector.
 
     """
     axes = knots.shape[1] // 3
     mechanism = robot.mechanism
     assert mechanism.carrier is not None
-    tip, own = mechanism.places[0].plane, mechanism.carrier.plane
-    least, most = mechanism.formulas.comfortable_reach(robot.geometry)
+    own = mechanism.carrier.axes
+    size = mechanism.carrier.size
     first, last = times[0], times[-1]
     if first == last:
         held = knots.copy()
-        held[:, own] = _followed(knots[:, tip], start, least, most)
+        held[:, own] = _base_axes(robot, knots[:, :axes], start)
         return times, held
-    count = _count(sample_knots(times, knots, _between(times))[:, tip], last - first, most)
+    tip = mechanism.places[0].plane
+    way = sample_knots(times, knots, _between(times))[:, tip]
+    count = _count(way, last - first, _comfortable(robot)[1])
     coarse = np.linspace(first, last, 1 + count)
-    path = sample_knots(times, knots, np.linspace(first, last, 1 + _PARTS * count))[:, tip]
-    curve = _followed(path, start, least, most)
-    base = np.hstack([curve[::_PARTS], np.zeros((len(coarse), 4))])
+    path = sample_knots(times, knots, np.linspace(first, last, 1 + _PARTS * count))[:, :axes]
+    curve = _base_axes(robot, path, start)
+    base = np.hstack([curve[::_PARTS], np.zeros((len(coarse), 2 * size))])
     smooth_knots(coarse, base)
     # With the knots of both, every piece remains the polynomial that it is.
     near = np.clip(np.searchsorted(times, coarse), 1, len(times) - 1)
@@ -90,7 +95,7 @@ def follow_tip(
     samples = sample_knots(coarse, base, union)
     for order in range(3):
         whole[:, order * axes + own.start:order * axes + own.stop] = (
-            samples[:, 2 * order:2 * order + 2]
+            samples[:, order * size:(order + 1) * size]
         )
     return union, whole
 
@@ -115,12 +120,20 @@ class KnotPath:
 def _note(robot: Robot, knots: Array) -> str:
     mechanism = robot.mechanism
     assert mechanism.carrier is not None
-    x, y = knots[0, mechanism.carrier.plane]
-    names = ', '.join(axis.name for axis in mechanism.axes[mechanism.carrier.axes])
+    axes = mechanism.axes[mechanism.carrier.axes]
+    names = ', '.join(axis.name for axis in axes)
+    at = zip(knots[0, mechanism.carrier.axes], axes, strict=True)
+    start = ', '.join(f'{round(value, 6) + 0.0:.4g} {axis.unit}' for value, axis in at)
     return (
         f'the path lacks {names}, so the base follows the {mechanism.places[0].name} within its '
-        f'comfortable reach; it starts at {x:.4g}, {y:.4g} m'
+        f'comfortable reach; it starts at {start}'
     )
+
+
+def _comfortable(robot: Robot) -> tuple[float, float]:
+    """Return the least and largest comfortable distance in m."""
+    reach: tuple[float, float] = robot.mechanism.formulas.comfortable_reach(robot.geometry)
+    return reach
 
 
 def _between(times: Array) -> Array:
@@ -137,8 +150,28 @@ def _count(way: Array, duration: float, most: float) -> int:
     return max(1, math.ceil(min(pieces, duration / _SHORTEST)))
 
 
-def _followed(path: Array, start: Array | None, least: float, most: float) -> Array:
-    """Return the positions (n, 2) of the carrier for a path (n, 2) of the end effector."""
+def _base_axes(robot: Robot, path: Array, before: Array | None) -> Array:
+    """
+    Return the axes (n, size) of the base for a path (n, axes) in task coordinates.
+
+    `before` (axes) are those at the start of the motion.
+    """
+    mechanism = robot.mechanism
+    assert mechanism.carrier is not None
+    axes_of = getattr(mechanism.formulas, 'base_axes', None)
+    if axes_of is not None:
+        axes: Array = axes_of(path, before, _trailed)
+        return axes
+    start = None if before is None else before[mechanism.carrier.plane]
+    return _trailed(path[:, mechanism.places[0].plane], start, *_comfortable(robot))
+
+
+def _trailed(path: Array, start: Array | None, least: float, most: float) -> Array:
+    """
+    Return the positions (n, 2) of a point that follows a path (n, 2).
+
+    `least` and `most` are its distances in m. Without a start (2) it starts behind the path.
+    """
     if start is None:
         start = path[0] - 0.5 * (least + most) * _direction(path)
     positions: Array = _tractrix(np.ascontiguousarray(path), start, least, most)

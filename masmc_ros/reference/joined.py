@@ -141,7 +141,7 @@ def load_code(robot: Robot) -> None:
     JoinedMotion(motion, sample, tick=0, period=1.0, speed=1.0).sample(0, 1)
     path = TaskPath.braking(sample, 1.0)
     if robot.mechanism.carrier is not None:
-        path.with_base(robot, sample[:2])
+        path.with_base(robot, sample[:len(sample) // 3])
 
 
 @kernel

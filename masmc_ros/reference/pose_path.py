@@ -185,7 +185,7 @@ class PosePoints:
         path = self._tip_path(robot.mechanism, before, speeds)
         if not base_follows or robot.mechanism.carrier is None:
             return path
-        return path.with_base(robot, before[robot.mechanism.carrier.plane])
+        return path.with_base(robot, before[:len(robot.mechanism.axes)])
 
     def _tip_path(self, mechanism: Mechanism, before: Array, speeds: Speeds) -> TaskPath:
         place = mechanism.places[0]
@@ -241,7 +241,7 @@ class TaskPath:
         return cls.through(np.array([0.0, duration]), np.vstack([sample, end]))
 
     def with_base(self, robot: Robot, start: Array) -> TaskPath:
-        """Return the path with that of the carrier, which starts at a place (2) in m."""
+        """Return the path with that of the carrier from task coordinates (axes) on."""
         return self.through(*follow_tip(robot, self._times, self._knots, start))
 
     @classmethod

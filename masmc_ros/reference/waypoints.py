@@ -86,12 +86,11 @@ class Waypoints(KnotPath):
         times, axes = values['times'], mechanism.axes
         quaternions = values.get('quaternions', ())
         rotation = orientation_of(mechanism) if quaternions else None
-        own = [axis.name for axis in axes]
-        if rotation is not None:
-            del own[rotation.axes]
         base = mechanism.carrier if values.get(_BASE_FOLLOWS, False) else None
-        if base is not None:
-            del own[base.axes]
+        kept = np.ones(len(axes), dtype=np.bool_)
+        for point in filter(None, (rotation, base)):
+            kept[point.axes] = False
+        own = [axis.name for axis, is_kept in zip(axes, kept, strict=True) if is_kept]
         if not times:
             raise InputError('waypoints.times = []: expected a time for each point')
         for before, time in pairwise(times):
@@ -106,23 +105,20 @@ class Waypoints(KnotPath):
                 f'waypoints.points: {count} numbers; expected {expected}, for each of '
                 f'{len(times)} times one of {", ".join(own)}'
             )
-        if base is not None:
-            # Those of the base are added later.
-            tips = np.array(values['points'], dtype=np.float64).reshape(len(times), -1)
-            tips = np.insert(tips, [base.first] * base.size, 0.0, axis=1)
-            return cls({**values, 'points': tips.ravel().tolist()})
-        if rotation is None:
+        if rotation is None and base is None:
             return cls(values)
-        if len(quaternions) != 4 * len(times):
-            raise InputError(
-                f'waypoints.quaternions: {len(quaternions)} numbers; expected {4 * len(times)}, '
-                f'x, y, z, w for each of {len(times)} times'
-            )
-        start = np.array(mechanism.default('line_sine.offset', 'axes')[rotation.axes])
-        numbers = np.array(quaternions, dtype=np.float64).reshape(len(times), -1)
-        vectors = continued_vectors(numbers, start, 'waypoint')
-        points: Array = np.array(values['points'], dtype=np.float64).reshape(len(times), -1)
-        points = np.insert(points, [rotation.first] * rotation.size, vectors, axis=1)
+        # The axes of the base are added later.
+        points = np.zeros((len(times), len(axes)))
+        points[:, kept] = np.reshape(values['points'], (len(times), -1))
+        if rotation is not None:
+            if len(quaternions) != 4 * len(times):
+                raise InputError(
+                    f'waypoints.quaternions: {len(quaternions)} numbers; expected '
+                    f'{4 * len(times)}, x, y, z, w for each of {len(times)} times'
+                )
+            start = np.array(mechanism.default('line_sine.offset', 'axes')[rotation.axes])
+            numbers = np.array(quaternions, dtype=np.float64).reshape(len(times), -1)
+            points[:, rotation.axes] = continued_vectors(numbers, start, 'waypoint')
         return cls({**values, 'points': points})
 
     def sample(self, times: Array) -> Array:

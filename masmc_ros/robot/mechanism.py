@@ -51,6 +51,13 @@ With a `carrier` in its declaration it has:
 
     comfortable_reach(lengths)        least and largest distance in m from the carrier to the end
                                       effector, clear of both limits of the arm
+
+and, if its axes are not x and y of the carrier:
+
+    base_axes(path, before, trail)    the axes (n, size) for a path (n, axes) in task coordinates;
+                                      `before` has those at its start, or is None.
+                                      `trail(path, start, least, most)` returns the places (n, 2)
+                                      of a carrier that follows places (n, 2)
 """
 
 from __future__ import annotations

@@ -160,8 +160,8 @@ _TRAJECTORY_NODE = (
     ),
     Parameter(
         'path_base', 'follow',
-        'Base of the paper\'s robot on paths from messages for the end effector only: follow it, '
-        'or hold its point F',
+        'Axes of the base in the task on paths from messages for the end effector only: follow '
+        'it, or hold them',
         choices=('follow', 'hold'),
     ),
     Parameter(

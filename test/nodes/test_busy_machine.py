@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+import json
 from pathlib import Path
 import signal
 import subprocess
@@ -14,6 +15,7 @@ import sys
 
 from benchmarks.real_time import DELAYED, RATE_DELAYED
 from helpers.processes import NODES, PAPER, peer, processes, ros_arguments
+from masmc_ros.cli.main import main
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.robot.two_link.paper_robot import TORQUE_LIMIT
 import numpy as np
@@ -56,7 +58,9 @@ CASES = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize('case', CASES)
-def test_real_time_run_busy_machine_stays_bounded(tmp_path: Path, case: str) -> None:
+def test_real_time_run_busy_machine_stays_bounded(
+    tmp_path: Path, case: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     log = tmp_path / 'run.mcap'
     arguments = [*CASES[case], '-p', f'recorder:output:={log}']
     is_paper = case == 'paper and realtime'
@@ -72,6 +76,12 @@ def test_real_time_run_busy_machine_stays_bounded(tmp_path: Path, case: str) -> 
         warned = nodes['controller'].logged('WARN', 'boundary_layer')
         assert bool(warned) == is_paper
     run = read_run(log)
+    if case != 'delays' and not ran_away:
+        # Skipped states and late commands are in the log; the last commands are those of SIGINT.
+        assert main(['simulate', str(log), '--json']) == 0
+        counts = json.loads(capsys.readouterr().out)['recomputed']
+        assert counts['identical_states'] == counts['states']
+        assert counts['identical_commands'] >= counts['commands'] - 5
     assert np.isfinite(run.position).all()
     assert np.isfinite(run.velocity).all()
     assert (np.abs(run.applied_effort) <= TORQUE_LIMIT).all()

@@ -499,6 +499,51 @@ def test_goal_in_another_frame_waits_for_transform(
         assert not node.logged('WARN')
 
 
+def test_older_odometry_after_the_start_of_a_path_is_no_reset(tmp_path: Path) -> None:
+    """On a busy machine it arrives after newer joint states; a reset concerns both."""
+    settings = {'pacing': 'realtime', 'duration': 0.0, 'path_lead': 1.0}
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        windows = tester.collect(Float64MultiArray, 'reference', raw=True)
+        node = started.start('trajectory', *ros_arguments(PAPER, **settings))
+        stops = tester.publisher(JointTrajectory, JOINTS)
+        states = tester.publisher(JointState, 'joint_states', latched=True)
+        positions = tester.publisher(Odometry, 'odom')
+        for publisher in (stops, positions):
+            tester.wait_for_subscribers(publisher)
+        odometry, state = OdometryCdr('', 'base_link'), JointStateCdr()
+        state.position[:] = 0.0, 0.0, 0.0, 0.0, 0.0, 0.8, -1.5
+
+        def odom(seconds: float) -> None:
+            count = len(windows)
+            odometry.set_stamp(round(seconds * 1e9))
+            positions.publish(odometry.to_bytes())
+            tester.until(lambda: len(windows) > count, f'windows for odometry at {seconds} s')
+
+        odom(20.0)
+        state.set_stamp(21_900_000_000)
+        stops.publish(JointTrajectory())
+
+        def has_started() -> bool:
+            # In real time no path starts before its code is loaded.
+            states.publish(state.to_bytes())
+            return bool(node.logged('INFO', 'a stop, from t = 22.9 s on'))
+
+        tester.until(has_started, started.output)
+        # Older than the state by more than the windows that are sent ahead, and a newer one.
+        odometry.set_stamp(20_010_000_000)
+        positions.publish(odometry.to_bytes())
+        # The node responds after it has read the message.
+        tester.call(GetParameters, 'trajectory/get_parameters', GetParameters.Request())
+        odom(24.0)
+        assert not node.logged('INFO', 'set back')
+        state.set_stamp(1_000_000_000)
+        states.publish(state.to_bytes())
+        odometry.set_stamp(1_000_000_000)
+        positions.publish(odometry.to_bytes())
+        tester.until(lambda: node.logged('INFO', 'set back'), 'the reset')
+        tester.until(lambda: node.logged('INFO', 'which is dropped'), 'the end of the path')
+
+
 def test_trajectory_node_follows_and_rejects_paths(tmp_path: Path) -> None:
     """The only state arrives while the code of paths compiles, because the cache is empty."""
     cache = {'XDG_CACHE_HOME': str(tmp_path / 'cache')}

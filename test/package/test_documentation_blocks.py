@@ -30,6 +30,7 @@ from masmc_ros.control.lifecycle import TRANSITIONS
 from masmc_ros.errors import InputError
 from masmc_ros.messages.names import JOINTS
 from masmc_ros.messages.topics import TOPICS
+from masmc_ros.nodes.trajectory.follow_action import ACTION
 from masmc_ros.nodes.trajectory.path_messages import PathMessages
 from masmc_ros.robot.mechanisms import DEFAULT, mechanism_from
 from masmc_ros.scenario.node_parameters import declared
@@ -118,6 +119,11 @@ def _ros2(words: Sequence[str], folder: Path) -> None:
             assert topic in {t.name for t in TOPICS} | {f'/{t.name}' for t in TOPICS}
         case ['topic', 'pub', '--once', topic, kind, text]:
             read_path(topic.lstrip('/'), typed_message(kind, text))
+        case ['action', 'send_goal', name, _, text, '--feedback']:
+            assert name == f'/{ACTION}'
+            plan = yaml.safe_dump(yaml.safe_load(text)['trajectory'])
+            message = typed_message('trajectory_msgs/msg/JointTrajectory', plan)
+            read_path('trajectory/joint_trajectory', message)
         case ['run', 'teleop_twist_keyboard', *_, '--remap', names]:
             assert names.partition(':=/')[2] in PathMessages(DEFAULT, JOINTS, '').topics
         case ['bag', *_] | ['run', 'foxglove_bridge', *_]:

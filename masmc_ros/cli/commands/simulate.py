@@ -28,6 +28,7 @@ from masmc_ros.log.recover.overlap import check_apart
 from masmc_ros.loop.signals import largest_slip
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.tick_block import Change
+from masmc_ros.loop.timed_simulation import TimedSimulation
 from masmc_ros.output_files import check_absent
 from masmc_ros.params.declaration import Values
 from masmc_ros.reference.sampled_trajectory import SampledTrajectory
@@ -35,7 +36,7 @@ from masmc_ros.report.aligned import WIDTH
 from masmc_ros.report.measure.chatter import chatter_notes
 from masmc_ros.report.measure.labels import law_label
 from masmc_ros.report.measure.metrics import MetricSamples
-from masmc_ros.report.measure.recomputed import Recomputed
+from masmc_ros.report.measure.recomputed import logged_responses, Recomputed
 from masmc_ros.report.measure.table import json_table, text_table
 from masmc_ros.scenario.scenario import (
     activation,
@@ -106,7 +107,11 @@ def run(options: argparse.Namespace) -> int:
     if path is not None:
         _check_output(path, options.file, overwrite=options.overwrite)
     source = _source(options.file, options.set)
-    simulation = Simulation(source.values, source.changes, source.samples)
+    responses = None if source.run is None else logged_responses(source.run, source.values)
+    if responses is None:
+        simulation = Simulation(source.values, source.changes, source.samples)
+    else:
+        simulation = TimedSimulation(source.values, source.changes, source.samples, responses)
     mechanism = simulation.plant.mechanism
     limits = np.array(lowest_limits(source.values))
     start = np.array(source.values['plant']['initial_joints'])
@@ -120,7 +125,7 @@ def run(options: argparse.Namespace) -> int:
 
         log = SimulationLog(path, simulation, source.values, source.files)
     ticks = (simulation.timing.last or 0) + 1
-    comparison = None if source.run is None else Recomputed(source.run)
+    comparison = None if source.run is None else Recomputed(source.run, responses)
     errors: list[Array] = []
     # If velocities are commanded, there are no torques.
     torques: list[Array] = [np.zeros((0, len(mechanism.joints)))]

@@ -73,7 +73,11 @@ class SimulationLog:
 
         """
         self._simulation = simulation
-        self._values = values
+        # No state was late, so the log is one of a run in lock-step.
+        self._values = {
+            node: {**own, 'pacing': 'lockstep'} if 'pacing' in own else own
+            for node, own in values.items()
+        }
         self._changes: list[ParameterRecord] = []
         plant, controller, trajectory = (
             values[node] for node in ('plant', 'controller', 'trajectory')

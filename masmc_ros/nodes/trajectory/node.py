@@ -26,13 +26,14 @@ from masmc_ros.nodes.process.base import SuiteNode
 from masmc_ros.nodes.process.command_line import CommandLine
 from masmc_ros.nodes.process.diagnostics import Health, publish_health, RejectedMessages
 from masmc_ros.nodes.process.runtime import run
+from masmc_ros.nodes.trajectory.follow_action import follow_action
 from masmc_ros.nodes.trajectory.path_input import PathInput
 from masmc_ros.nodes.trajectory.path_messages import PathRequest
 from masmc_ros.nodes.trajectory.received_paths import ReceivedPaths
 from masmc_ros.params.declaration import MutableValues
 from masmc_ros.reference.sampled_trajectory import PATH_RECEIVED
 from masmc_ros.reference.trajectory import path_values, Trajectory
-from masmc_ros.robot.joint_names import check_frame_prefix
+from masmc_ros.robot.joint_names import check_frame_prefix, joint_names
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.throttle import Throttle
 from nav_msgs.msg import Odometry, Path
@@ -91,6 +92,7 @@ class TrajectoryNode(SuiteNode):
         self._was_before = False
         self._is_activated = False
         self._last_tick: int | None = None
+        self._state_tick: int | None = None
         self._rejected_messages = RejectedMessages(self.log)
         self._requested: MutableValues = {}
         self._retry: Timer | None = None
@@ -109,6 +111,15 @@ class TrajectoryNode(SuiteNode):
         self._paths = self.latched(Path, DESIRED_PATH_TOPIC)
         self._input = PathInput(
             self, self._mechanism, self._prefix, self._on_path, self._on_state
+        )
+        self._action = follow_action(
+            self,
+            self._received,
+            self._timing,
+            joint_names(self.values),
+            is_planar=self._mechanism.is_planar,
+            read=self._input.read_joints,
+            start=self._on_goal,
         )
         publish_health(
             self.node, self.latched(DiagnosticArray, '/diagnostics'), self.steady, self._health
@@ -173,14 +184,7 @@ class TrajectoryNode(SuiteNode):
             self._set_origin(stamp)
             tick = self._next = 0
         self._was_before = False
-        if max(tick, 0) + self._horizon + self._window < self._next:
-            # The stamps of two robots may alternate many times in a second.
-            if self._throttle.is_due('set back', time.monotonic()):
-                self.log.info('the robot was set back; the reference follows')
-            self._next = max(0, tick)
-            if self._received.reset_before(self._next):
-                self._withdraw_requested()
-                self.log.info('it is before the path of a message, which is dropped')
+        self._check_set_back(tick, self._state_tick)
         self._skip_until(tick)
         self._send_until(tick + self._horizon, stamp)
         previous, self._last_tick = self._last_tick, tick
@@ -192,6 +196,33 @@ class TrajectoryNode(SuiteNode):
         is_confirmed = is_near or tick == self._timing.last
         if tick >= self._timing.last and is_confirmed:
             self.finished = True
+
+    def _check_set_back(self, tick: int, other: int | None) -> bool:
+        """
+        Return True if the robot was set back, and continue the reference there.
+
+        A path starts at a tick of `joint_states`, and on a busy machine older odometry may arrive
+        after it. Therefore both have to be earlier.
+
+        Parameters
+        ----------
+        tick
+            Tick of the message.
+        other
+            Latest tick of the other topic; None without one.
+
+        """
+        newest = max(tick, 0 if other is None else other)
+        if max(newest, 0) + self._horizon + self._window >= self._next:
+            return False
+        # The stamps of two robots may alternate many times in a second.
+        if self._throttle.is_due('set back', time.monotonic()):
+            self.log.info('the robot was set back; the reference follows')
+        self._next = max(0, newest)
+        if self._received.reset_before(self._next):
+            self._withdraw_requested()
+            self.log.info('it is before the path of a message, which is dropped')
+        return True
 
     def _set_origin(self, origin: int) -> int:
         """Start the trajectory at a stamp in ns; publish its path if it has an end."""
@@ -244,6 +275,11 @@ class TrajectoryNode(SuiteNode):
             # The path of the message has replaced that of the parameters, which waits.
             self._withdraw_requested()
 
+    def _on_goal(self, request: PathRequest) -> None:
+        """Let the path of an action wait for its start; may raise InputError."""
+        self._on_path(request)
+        self._input.follow_states()
+
     def _request(self, values: MutableValues) -> Pending:
         """
         Let the trajectory of changed parameters wait for its start, as a path of a message does.
@@ -277,11 +313,32 @@ class TrajectoryNode(SuiteNode):
         self.parameters.withdraw(self._take_requested())
 
     def _on_state(self, stamp: int, position: Array) -> None:
-        """Start a path that waits for this state of the robot."""
-        request = self._received.waiting
-        if request is None or self._origin is None:
+        """Start a path that waits for this state of the robot, and follow goals of the action."""
+        if self._origin is None:
             return
         tick = round((stamp - self._origin) / (1e9 * self._timing.period))
+        self._state_tick = tick
+        if self._last_tick is not None and self._check_set_back(tick, self._last_tick):
+            self._send_until(tick + self._horizon, stamp)
+        if self._received.waiting is not None:
+            self._start_waiting(self._received.waiting, tick, stamp, position)
+        if self._action is not None:
+            self._action.update(tick, position)
+
+    def _start_waiting(
+        self, request: PathRequest, tick: int, stamp: int, position: Array
+    ) -> None:
+        """
+        Start a waiting path if a state is the one at which it starts.
+
+        Parameters
+        ----------
+        request
+            Path.
+        tick, stamp, position
+            Tick, stamp in ns and positions (positions) of the state.
+
+        """
         before = self._received.followed
         continues = before is not None and before.is_command and tick <= self._received.end
         try:
@@ -292,11 +349,13 @@ class TrajectoryNode(SuiteNode):
                 return
         except InputError as error:
             self._input.reject(request.topic, error)
+            if self._action is not None:
+                self._action.reject(request, error)
             self._withdraw_requested()
             self._skip_until(tick)
         else:
             self._next = first
-            start = self._timing.stamp(first) + self._origin
+            start = self._timing.stamp(first) + (self._origin or 0)
             self._input.accept()
             changed = self._take_requested()
             if changed:

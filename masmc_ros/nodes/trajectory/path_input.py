@@ -30,10 +30,14 @@ from masmc_ros.robot.base_pose import BasePose, OLDEST_POSE_NS
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.joint_names import joint_names
 from nav_msgs.msg import Odometry
+from rclpy.serialization import serialize_message
 from rclpy.timer import Timer
 from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory
 
 _STATES = 'joint_states'
+
+_JOINTS = 'trajectory/joint_trajectory'
 
 _PATIENCE = 2.0
 """Longest time in s from a message with poses in another frame to a transform of that frame."""
@@ -94,7 +98,8 @@ class PathInput:
         messages = PathMessages(
             mechanism, names, frame_prefix, node.values['pose_frame'].lstrip('/'), self._pose_of
         )
-        for topic, (kind, read) in messages.topics.items():
+        self._topics = messages.topics
+        for topic, (kind, read) in self._topics.items():
             subscribe(node.node, kind, topic, partial(self._take, topic, read))
 
     def reject(self, topic: str, reason: object) -> None:
@@ -106,6 +111,11 @@ class PathInput:
     def accept(self) -> None:
         """Count a path that has started."""
         self._accepted += 1
+
+    def read_joints(self, topic: str, trajectory: JointTrajectory) -> PathRequest:
+        """Return the path of a trajectory of joints from a topic; may raise InputError."""
+        _, read = self._topics[_JOINTS]
+        return read(topic, serialize_message(trajectory))
 
     def health(self, followed: str) -> Health:
         """Return the report for /diagnostics; `followed` is the current source of the path."""

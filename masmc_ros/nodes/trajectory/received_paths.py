@@ -98,6 +98,17 @@ class ReceivedPaths:
         """Return the last tick at which the path of a message moves; 0 without one."""
         return 0 if self._joined is None else self._joined.last
 
+    @property
+    def first(self) -> int:
+        """Return the first tick of the path of a message; 0 without one."""
+        return 0 if self._joined is None else self._joined.tick
+
+    def joints_at(self, tick: int) -> JointState | None:
+        """Return the state of the joints on the path at a tick; None without a path of joints."""
+        if self._joined is None or not isinstance(self._joined.motion, JointTask):
+            return None
+        return self._joined.motion.path.state(self._joined.time(tick))
+
     def sample(self, first: int, count: int) -> Array:
         """Return (count, 3 axes) samples at ticks first, ...; InputError out of reach."""
         if self._joined is None:
@@ -241,7 +252,7 @@ class ReceivedPaths:
         if isinstance(points, Trajectory):
             return TrajectoryMotion(points)
         axes = len(mechanism.axes)
-        known = self._followed_joints(first)
+        known = self.joints_at(first)
         state = JointState.at_rest(position.copy()) if known is None else known
         if points is None:
             if known is None:
@@ -262,9 +273,3 @@ class ReceivedPaths:
         path = JointPath(points, state, HEADING if mechanism.is_planar else None)
         path.check_limits(mechanism, self._names)
         return JointTask(path, self._robot, task)
-
-    def _followed_joints(self, tick: int) -> JointState | None:
-        """Return the state of the joints on the path at a tick; None without a path of joints."""
-        if self._joined is None or not isinstance(self._joined.motion, JointTask):
-            return None
-        return self._joined.motion.path.state(self._joined.time(tick))

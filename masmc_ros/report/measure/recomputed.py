@@ -1,25 +1,82 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Comparison of a recomputed run with its log, bit by bit."""
+"""Comparison of a recomputed run with its log, bit by bit, and the responses of real time."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from masmc_ros.log.read.decode import Series
 from masmc_ros.log.read.reader import Run
+from masmc_ros.loop.records import is_compensated
 from masmc_ros.loop.tick_block import TickBlock
+from masmc_ros.loop.timed_simulation import Responses
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.cdr_layout import NANOSECONDS
+from masmc_ros.params.declaration import Values
 import numpy as np
 from numpy.typing import NDArray
+
+_MOST_LATE = 20
+"""Largest number of commands that are newer than the one that acts, in real time."""
+
+
+def logged_responses(run: Run, values: Mapping[str, Values]) -> Responses | None:
+    """
+    Return the responses of the controller of a run in real time, None for one in lock-step.
+
+    A command acts at the state after its own, or later if it was late. Of the last commands before
+    a state, the newest one with the torques that the plant has logged is the one that acted. With
+    drives whose torques differ from their commands, no command is taken as late.
+
+    Parameters
+    ----------
+    run
+        Logged run.
+    values
+        Parameters by node, with which the run is computed.
+
+    """
+    plant, controller = values['plant'], run.parameters['controller']
+    period = plant['control_period']
+    if controller.get('pacing') != 'realtime' or controller['control_period'] != period:
+        return None
+    ticks = np.rint(run.times / period).astype(np.int64)
+    count = int(ticks[-1]) + 1
+    computed = np.zeros(count, dtype=np.bool_)
+    for series in (run.torque, run.cmd_vel, run.arm_rates):
+        answered = np.rint(series.times / period).astype(np.int64)
+        computed[answered[(answered >= 0) & (answered < count)]] = True
+    latest = np.maximum.accumulate(np.where(computed, np.arange(count), -1))
+    torques, applied = np.full((2, count, run.applied_effort.shape[1]), np.nan)
+    limits = np.array(plant['torque_limit'])
+    limits[limits == 0.0] = np.inf
+    if len(run.torque):
+        answered = np.rint(run.torque.times / period).astype(np.int64)
+        is_inside = (answered >= 0) & (answered < count)
+        torques[answered[is_inside]] = np.clip(run.torque.values[is_inside], -limits, limits)
+    applied[ticks - 1] = run.applied_effort
+    acting = latest.copy()
+    is_late = (torques[latest] != applied).any(axis=1) & (latest > 0)
+    if 2 * np.count_nonzero(is_late) < count:
+        for tick in np.flatnonzero(is_late):
+            earlier = latest[tick]
+            for _ in range(_MOST_LATE):
+                earlier = latest[earlier - 1] if earlier > 0 else -1
+                if earlier < 0 or (torques[earlier] == applied[tick]).all():
+                    break
+            if earlier >= 0 and (torques[earlier] == applied[tick]).all():
+                acting[tick] = earlier
+    return Responses(computed, acting)
 
 
 class Recomputed:
     """Comparison of blocks of a computed run with the states and commands of a log."""
 
-    def __init__(self, run: Run) -> None:
-        """Initialise the comparison with the logged run."""
-        self._run = run
+    def __init__(self, run: Run, responses: Responses | None = None) -> None:
+        """Initialise the comparison with the logged run, and its responses in real time."""
+        self._run, self._responses = run, responses
         stamps = np.rint(run.times * NANOSECONDS).astype(np.int64)
         self._states = Series(stamps, np.hstack([run.position, run.velocity, run.applied_effort]))
         self._same = {'states': 0, 'commands': 0}
@@ -65,10 +122,24 @@ class Recomputed:
         where = 'outside the ticks of the run'
         if self._first is not None:
             where = f'first {self._first[1]} at t = {self._first[0] / NANOSECONDS:.3f} s'
+        if self._responses is not None:
+            where += f'; {self._lacking(has_states=states == logged)}'
         return (
             f'recomputed{reason}: {states} states and {commands} commands of the {total} of'
             f' {self._run.path} are bitwise identical; the others differ, {where}'
         )
+
+    def _lacking(self, *, has_states: bool) -> str:
+        """
+        Return what the log of a run in real time lacks for its recomputation.
+
+        `has_states` is True if all states are identical.
+        """
+        if has_states:
+            return 'a controller that ends or loses states sends commands between them'
+        if is_compensated(self._run.parameters['controller']):
+            return 'the log lacks the lateness by which the controller compensates latency'
+        return 'in real time the log lacks when late commands reach drives with delays, and halts'
 
     def _compare(
         self,

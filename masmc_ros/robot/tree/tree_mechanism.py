@@ -44,6 +44,7 @@ from masmc_ros.robot.tree.assembly import (
     TreeRobot,
     with_axle,
 )
+from masmc_ros.robot.tree.following import comfortable_reach, Followed, followed_base, Trail
 from masmc_ros.robot.tree.frames import (
     BASE,
     Frames,
@@ -64,6 +65,7 @@ from masmc_ros.robot.tree.postures import (
 )
 from masmc_ros.robot.tree.spatial import PER_BODY, rotate, transpose
 from masmc_ros.robot.tree.task.outputs import Task, task_of, TaskRobot
+from masmc_ros.robot.tree.task.task import POSE
 from masmc_ros.robot.tree.tree_model import packed
 from masmc_ros.robot.urdf import Description, Joint, read_urdf, read_urdf_file, urdf_text
 import numpy as np
@@ -217,6 +219,8 @@ class TreeMechanism(Mechanism):
     friction: Array
     """Coefficients of all joints, viscous ones first; none without friction."""
     task: Task
+    followed: Followed | None
+    """Base that follows the end effector, if it has axes in the task."""
     tips: tuple[str, ...]
     """Links of the task; the tip of the robot for tasks of joints."""
     held: Mapping[str, float]
@@ -364,6 +368,7 @@ class TreeMechanism(Mechanism):
             for name in (
                 'constants', 'start', 'out_of_reach', 'base_motion', 'frame_origins',
                 'frame_transforms', 'description', 'outline', 'payload_factors', 'tip_on_link',
+                *(('comfortable_reach', 'base_axes') if self.followed else ()),
             )
         }  # fmt: skip
         return SimpleNamespace(**{**vars(kernels), **own})
@@ -404,6 +409,29 @@ class TreeMechanism(Mechanism):
             twist[:, 1] = velocity[:, 1] * c - velocity[:, 0] * s
         twist[:, 5] = velocity[:, 2]
         return pose, twist
+
+    @cached_property
+    def _reach(self) -> tuple[float, float]:
+        assert self.followed is not None
+        speeds = self.joint_limits['speed'][-len(self.robot.joints):]
+        rows = [place for place in self.task.places if place < POSE]
+        return comfortable_reach(
+            self.robot,
+            self.followed,
+            self.robot.frames[self.task.frames[0]],
+            tuple(rows),
+            _rest(self.robot, self.made_of),
+            lambda arm: mobility(self.robot, self.made_of, arm, speeds),
+        )
+
+    def _comfortable_reach(self, lengths: Array) -> tuple[float, float]:
+        """Return the least and largest comfortable distance in m from the carrier."""
+        return self._reach
+
+    def _base_axes(self, path: Array, before: Array | None, trail: Trail) -> Array:
+        """Return the axes (n, size) of the base for a path (n, axes)."""
+        assert self.followed is not None
+        return self.followed.axes(path, before, trail, self._reach)
 
     @cached_property
     def _frames(self) -> Frames:
@@ -620,6 +648,7 @@ def _made(urdf: str, own: tuple[Value, ...], version: tuple[int, ...]) -> TreeMe
     bodies = [root, *(j.child for j in robot.moving)]
     limited = _speed_limits(robot, (*drives, *arm), values[SPEED_LIMITS.name])
     model = _model(robot, task, values, limited)
+    followed = followed_base(robot, task, _rest(robot, values))
     joints = len(drives) + len(arm)
     if len(_POSE) + joints > LONGEST:
         raise InputError(
@@ -672,6 +701,8 @@ def _made(urdf: str, own: tuple[Value, ...], version: tuple[int, ...]) -> TreeMe
         text=text,
         friction=friction,
         task=task,
+        followed=followed,
+        carrier=None if followed is None else followed.carrier,
         tips=tips,
         held=robot.held,
         notes=robot.notes,
