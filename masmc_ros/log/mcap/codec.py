@@ -95,10 +95,9 @@ def records(data: Data, position: int = len(MAGIC)) -> Iterator[tuple[int, int, 
         position = end
 
 
-def all_records(content: bytes) -> Iterator[tuple[int, int, int]]:
-    """Yield the records of a chunk; ValueError if it does not end with the last one."""
-    end = 0
-    for opcode, start, end in records(content, 0):
+def all_records(content: bytes, end: int = 0) -> Iterator[tuple[int, int, int]]:
+    """Yield the records of a chunk from a byte on; ValueError if the last one is not whole."""
+    for opcode, start, end in records(content, end):
         yield opcode, start, end
     if end != len(content):
         raise ValueError(f'a record at byte {end} of a chunk is longer than the chunk')

@@ -212,9 +212,7 @@ class _Collector:
             self._number = number
             if end == size:
                 return
-            other = next(codec.records(content, end), None)
-            if other is None:
-                raise ValueError(f'a record at byte {end} of a chunk is longer than the chunk')
+            other = next(codec.all_records(content, end))
             self.add(content, *other)
             end = other[2]
 
