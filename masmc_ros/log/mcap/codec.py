@@ -95,9 +95,10 @@ def records(data: Data, position: int = len(MAGIC)) -> Iterator[tuple[int, int, 
         position = end
 
 
-def all_records(content: bytes, end: int = 0) -> Iterator[tuple[int, int, int]]:
+def all_records(content: bytes, first: int = 0) -> Iterator[tuple[int, int, int]]:
     """Yield the records of a chunk from a byte on; ValueError if the last one is not whole."""
-    for opcode, start, end in records(content, end):
+    end = first
+    for opcode, start, end in records(content, first):
         yield opcode, start, end
     if end != len(content):
         raise ValueError(f'a record at byte {end} of a chunk is longer than the chunk')
