@@ -21,6 +21,7 @@ def _insert(app: Any, docname: str, source: list[str]) -> None:
         before, heading, after = source[0].partition('\n<a href="_static/paper.html">')
     else:
         return
+    app.env.note_dependency(str(figure))  # a later build reads the page again if it changes
     source[0] = f'{before}\n{figure.read_text(encoding="utf-8")}{heading}{after}'
 
 

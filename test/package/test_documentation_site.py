@@ -115,15 +115,18 @@ def test_figures_of_laws_stand_before_equations(
     monkeypatch.syspath_prepend(DOCS / '_extensions')
     extension = importlib.import_module('built_figures')
     monkeypatch.setattr(extension, 'FIGURES', tmp_path)
+    noted: list[str] = []
+    app = SimpleNamespace(env=SimpleNamespace(note_dependency=noted.append))
     followed = {f'reference/laws/{law}': '\n## Equations\n' for law in registry.LAWS}
     for page, heading in {**followed, 'index': '\n<a href="_static/paper.html">'}.items():
         name = 'animation' if page == 'index' else page.rpartition('/')[2]
         source = [(DOCS / f'{page}.md').read_text(encoding='utf-8')]
-        extension._insert(None, page, source)
+        extension._insert(app, page, source)
         assert '<figure>' not in source[0]
         (tmp_path / f'{name}.html').write_text('<figure>\n')
-        extension._insert(None, page, source)
+        extension._insert(app, page, source)
         assert f'\n<figure>\n{heading}' in source[0], page
+        assert noted.pop() == str(tmp_path / f'{name}.html')
 
 
 def test_figures_of_laws_have_ranks_of_every_law(monkeypatch: pytest.MonkeyPatch) -> None:
