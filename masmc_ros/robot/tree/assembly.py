@@ -293,7 +293,12 @@ def tree_robot(
         fixed = stated_positions or {}
         mounts = [_mount(description, where, frames, name, fixed) for name in wheels]
         middle = middle_of(mounts, where) if kind == DIFFERENTIAL else (0.0, 0.0)
-        if any(middle) and base_frame != AXLE:
+        if any(middle) and base_frame == AXLE:
+            raise InputError(
+                f'{where}: wheels at {[mount.centre for mount in mounts]}; expected the base'
+                f" frame '{AXLE}' in the middle between them"
+            )
+        if any(middle):
             axle = description.joints.get(f'{AXLE}_joint') or Joint(
                 f'{AXLE}_joint', 0, 'fixed', base_frame or description.root, AXLE,
                 Pose((*middle, 0.0)), (1.0, 0.0, 0.0),
