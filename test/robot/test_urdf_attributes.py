@@ -154,19 +154,23 @@ def test_urdf_silent_misreading_raises_one_line(old: str, new: str, expected: st
     assert re.match(r'robot.urdf, line \d+: ', str(raised.value))
 
 
+@pytest.mark.parametrize('kind', ['fixed', 'continuous'])
 @pytest.mark.parametrize(
     ('old', 'new', 'expected'),
     [
         ('upper="1"', 'upper="0x1"', "upper '0x1', expected a finite number"),
-        ('damping="0.1"', 'damping="0,1"', "damping '0,1', expected a finite number"),
+        ('damping="0.1"', 'damping="0,1"', "damping '0,1', expected a "),
     ],
 )
-def test_urdf_wrong_number_of_fixed_joint_raises(old: str, new: str, expected: str) -> None:
+def test_urdf_wrong_number_without_effect_raises(
+    old: str, new: str, expected: str, kind: str
+) -> None:
     """Other readers reject the file, though the number has no effect."""
-    fixed = URDF.replace('type="revolute"', 'type="fixed"').replace('<mimic joint="lift"/>', '')
-    assert content(fixed).joints['arm_joint'].effort == math.inf
+    text = URDF.replace('type="revolute"', f'type="{kind}"').replace('<mimic joint="lift"/>', '')
+    arm = content(text).joints['arm_joint']
+    assert (arm.lower, arm.upper) == (-math.inf, math.inf)
     with pytest.raises(InputError, match=expected):
-        read_urdf(fixed.replace(old, new), 'robot.urdf')
+        read_urdf(text.replace(old, new), 'robot.urdf')
 
 
 def test_urdf_quaternion_in_first_version_raises() -> None:
