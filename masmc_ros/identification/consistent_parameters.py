@@ -126,7 +126,7 @@ def scaled(robot: Robot, theta: Array, friction: Array, friction_scale: Array) -
 
 def _of_bodies(robot: Robot, theta: Array) -> tuple[Array, list[Inequality]]:
     """Return scale and inequalities of a tree: each body has its pseudo-inertia."""
-    from masmc_ros.robot.tree.assembly import pseudo_inertia
+    from masmc_ros.robot.tree.link_inertia import pseudo_inertia
 
     units = np.array([pseudo_inertia(unit) for unit in np.eye(_PER_BODY).tolist()])
     flat = units.reshape(_PER_BODY, -1)

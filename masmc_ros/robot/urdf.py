@@ -579,7 +579,12 @@ class _Reader:
                     limit, key, about, lambda x: x >= 0.0,
                     'a number >= 0; 0 or no attribute: no limit',
                 )  # fmt: skip
-        if kind != 'continuous':
+        if kind == 'continuous':
+            # Without effect, but others reject the whole file if these are no numbers.
+            for key in ('lower', 'upper'):
+                if key in limit.attributes:
+                    self._number(limit, key, about)
+        else:
             endless = '; a joint without range is continuous' if kind == 'revolute' else ''
             for key in ('lower', 'upper'):
                 if key not in limit.attributes and self._version >= (1, 2):

@@ -15,8 +15,8 @@ from helpers.small_tree import hand_at_start, parameters, START, write_scenario
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.robot.robot import robot_of
-from masmc_ros.robot.tree.assembly import pseudo_inertia
 from masmc_ros.robot.tree.frames import world_of
+from masmc_ros.robot.tree.link_inertia import pseudo_inertia
 from masmc_ros.robot.tree.task.outputs import OUTPUTS
 from masmc_ros.robot.tree.tree_mechanism import tree_mechanism
 from masmc_ros.scenario.scenario import load_scenario

@@ -19,9 +19,10 @@ from hypothesis import strategies as st
 from masmc_ros.jit.lanes import lane_of
 from masmc_ros.robot.robot import robot_description
 from masmc_ros.robot.tree import articulated, dynamics, kinematics
-from masmc_ros.robot.tree.assembly import pseudo_inertia, tree_robot
+from masmc_ros.robot.tree.assembly import tree_robot
 from masmc_ros.robot.tree.dynamics import GRAVITY
 from masmc_ros.robot.tree.kinematics import Posture
+from masmc_ros.robot.tree.link_inertia import pseudo_inertia
 from masmc_ros.robot.tree.task.task import frame_pose
 from masmc_ros.robot.tree.tree_model import DIFFERENTIAL, FIXED, OMNIDIRECTIONAL, Tree, TreeModel
 from masmc_ros.robot.two_link import two_link

@@ -9,7 +9,7 @@ from fractions import Fraction
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from masmc_ros.robot.tree.assembly import pseudo_inertia
+from masmc_ros.robot.tree.link_inertia import pseudo_inertia
 from masmc_ros.robot.tree.natural_adaptation import bounded, natural_step
 from masmc_ros.robot.tree.spatial import MOMENTS, Moments
 import numpy as np

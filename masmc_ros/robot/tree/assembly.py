@@ -16,23 +16,31 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 import heapq
 import math
-from typing import cast, NamedTuple
+from typing import NamedTuple
 
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.numerics.portable_math import sin_cos
+from masmc_ros.robot.tree.link_inertia import (
+    about,
+    check_links,
+    check_moments,
+    Frame,
+    joint_pose,
+    link_moments,
+    LinkedBody,
+    rotation_of,
+    seen_from,
+    vector,
+    with_link,
+)
 from masmc_ros.robot.tree.spatial import (
     add,
-    inner,
-    MOMENTS,
     Moments,
-    moments_in_parent,
     product,
     rotate,
     ROTATION,
     Rotation,
     scale,
-    subtract,
-    transpose,
     turn,
     VECTOR,
     Vector,
@@ -74,36 +82,10 @@ _UPRIGHT = 0.98
 """Smallest vertical part of the axis of a joint that steers a wheel."""
 
 _ROUNDED = 1.0e-9
-"""Tolerance for a negative smallest second moment, relative to the second moments."""
+"""Tolerance of limits that mimic joints narrow, relative to their size."""
 
 _ENDLESS = (-math.inf, math.inf)
 """Range of a joint without limits."""
-
-_UNSEEN = 1.0e-6
-"""
-Size of an impossible inertia of a link without effect, relative to the second moments of its body.
-
-Published descriptions contain such links on fixed and held joints; larger ones are notes.
-"""
-
-
-@dataclass(frozen=True)
-class Frame:
-    """
-    Frame of a link on its body.
-
-    Attributes
-    ----------
-    body
-        Number of the body, 0 for the base.
-    rotation, offset
-        of the frame in the body's; offset in m.
-
-    """
-
-    body: int
-    rotation: Rotation = ROTATION
-    offset: Vector = VECTOR
 
 
 class Limits(NamedTuple):
@@ -193,14 +175,6 @@ class TreeRobot:
         return Limits(*map(np.concatenate, zip(own, limits, strict=True)))
 
 
-@dataclass
-class _Body:
-    """Sums of a body while links are merged into it."""
-
-    link: str
-    inertial_parameters: Moments = MOMENTS
-
-
 def tree_robot(
     description: Description,
     where: str,
@@ -283,8 +257,8 @@ def tree_robot(
         _check_order(joints, order)
     # A fixed base does not move, so its inertia has no effect.
     first = int(base == 'fixed')
-    link_notes = _check_links(first, bodies, frames, description, where)
-    _check_moments(bodies[first:], description, where)
+    link_notes = check_links(first, bodies, frames, description, where)
+    check_moments(bodies[first:], description, where)
     kind, driving = BASES[base], None
     parents, rotations, offsets = tree
     rotor = np.zeros((kind + len(order), kind + len(order)))
@@ -293,7 +267,12 @@ def tree_robot(
         fixed = stated_positions or {}
         mounts = [_mount(description, where, frames, name, fixed) for name in wheels]
         middle = middle_of(mounts, where) if kind == DIFFERENTIAL else (0.0, 0.0)
-        if any(middle) and base_frame != AXLE:
+        if any(middle) and base_frame == AXLE:
+            raise InputError(
+                f'{where}: wheels at {[mount.centre for mount in mounts]}; expected the base'
+                f" frame '{AXLE}' in the middle between them"
+            )
+        if any(middle):
             axle = description.joints.get(f'{AXLE}_joint') or Joint(
                 f'{AXLE}_joint', 0, 'fixed', base_frame or description.root, AXLE,
                 Pose((*middle, 0.0)), (1.0, 0.0, 0.0),
@@ -504,7 +483,7 @@ def _merged(
     base_frame: str,
     ranks: Mapping[str, int],
 ) -> tuple[
-    list[_Body],
+    list[LinkedBody],
     list[Joint],
     dict[str, Frame],
     tuple[list[int], list[Rotation], list[Vector]],
@@ -519,7 +498,7 @@ def _merged(
         below.setdefault(joint.parent, []).append((ranks[joint.name], number, joint))
     root = description.root
     frames = {root: Frame(0)}
-    bodies = [_Body(root)]
+    bodies = [LinkedBody(root)]
     order: list[Joint] = []
     parents, rotations, offsets = [-1], [ROTATION], [VECTOR]
     waiting = list(below.get(root, ()))
@@ -527,18 +506,18 @@ def _merged(
     while waiting:
         *_, joint = heapq.heappop(waiting)
         above = frames[joint.parent]
-        rotation = product(above.rotation, _rotation(joint.origin))
-        offset = add(above.offset, rotate(above.rotation, _vector(joint.origin.offset)))
+        rotation = product(above.rotation, rotation_of(joint.origin))
+        offset = add(above.offset, rotate(above.rotation, vector(joint.origin.offset)))
         if joint.name not in controlled and joint.kind != 'fixed':
             mimic = mimics.get(joint.name)
             angle = mimic.offset if mimic else held.get(joint.name, 0.0)
             if joint.kind == 'prismatic':
-                offset = add(offset, rotate(rotation, scale(_vector(joint.axis), angle)))
+                offset = add(offset, rotate(rotation, scale(vector(joint.axis), angle)))
             else:
-                rotation = product(rotation, turn(_vector(joint.axis), *sin_cos(angle)))
+                rotation = product(rotation, turn(vector(joint.axis), *sin_cos(angle)))
         if joint.name in controlled or joint.name in mimics:
             frames[joint.child] = Frame(len(bodies))
-            bodies.append(_Body(joint.child))
+            bodies.append(LinkedBody(joint.child))
             order.append(joint)
             parents.append(above.body)
             rotations.append(rotation)
@@ -551,7 +530,7 @@ def _merged(
         _rebase(description, base_frame, frames, (parents, rotations, offsets))
     for name, frame in frames.items():
         body, link = bodies[frame.body], description.links[name]
-        body.inertial_parameters = _with_link(
+        body.inertial_parameters = with_link(
             body.inertial_parameters, link, frame.rotation, frame.offset
         )
     return bodies, order, frames, (parents, rotations, offsets)
@@ -573,138 +552,11 @@ def _rebase(
     parents, rotations, offsets = tree
     for number, parent in enumerate(parents):
         if parent == 0:
-            placed = _seen_from(chosen, rotations[number], offsets[number])
+            placed = seen_from(chosen, rotations[number], offsets[number])
             rotations[number], offsets[number] = placed
     for name, frame in frames.items():
         if frame.body == 0:
-            frames[name] = Frame(0, *_seen_from(chosen, frame.rotation, frame.offset))
-
-
-def _seen_from(frame: Frame, rotation: Rotation, offset: Vector) -> tuple[Rotation, Vector]:
-    """Return a place on the body of a frame, in this frame."""
-    back = transpose(frame.rotation)
-    return product(back, rotation), rotate(back, subtract(offset, frame.offset))
-
-
-def joint_pose(joint: Joint, at: float) -> tuple[Rotation, Vector]:
-    """Return the pose of a joint's child in its parent's frame, at a position in rad or m."""
-    rotation, offset = _rotation(joint.origin), _vector(joint.origin.offset)
-    if joint.kind == 'prismatic':
-        return rotation, add(offset, rotate(rotation, scale(_vector(joint.axis), at)))
-    if joint.kind != 'fixed':
-        rotation = product(rotation, turn(_vector(joint.axis), *sin_cos(at)))
-    return rotation, offset
-
-
-def _vector(values: tuple[float, ...]) -> Vector:
-    x, y, z = values
-    return x, y, z
-
-
-def _rotation(pose: Pose) -> Rotation:
-    """Return Rz(yaw) Ry(pitch) Rx(roll), or the rotation of the quaternion."""
-    if pose.quaternion:
-        x, y, z, w = pose.quaternion
-        return (
-            1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w),
-            2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w),
-            2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y),
-        )  # fmt: skip
-    roll, pitch, yaw = pose.angles
-    about_z = turn((0.0, 0.0, 1.0), *sin_cos(yaw))
-    about_y = turn((0.0, 1.0, 0.0), *sin_cos(pitch))
-    about_x = turn((1.0, 0.0, 0.0), *sin_cos(roll))
-    rotation: Rotation = product(product(about_z, about_y), about_x)
-    return rotation
-
-
-def _moments(link: Link) -> Moments:
-    """Return the inertial parameters of a link about the origin of its frame."""
-    xx, xy, xz, yy, yz, zz = link.inertia
-    half = (xx + yy + zz) / 2.0
-    own = (link.mass, 0.0, 0.0, 0.0, half - xx, half - yy, half - zz, -xy, -yz, -xz)
-    inertial_parameters: Moments = moments_in_parent(
-        _rotation(link.centre), _vector(link.centre.offset), own
-    )
-    return inertial_parameters
-
-
-def pseudo_inertia(inertial_parameters: Sequence[float]) -> NDArray[np.float64]:
-    """Return the pseudo-inertia P (4 x 4) of inertial parameters (10)."""
-    mass, x, y, z, xx, yy, zz, xy, yz, zx = inertial_parameters
-    return np.array([[xx, xy, zx, x], [xy, yy, yz, y], [zx, yz, zz, z], [x, y, z, mass]])
-
-
-def _check_links(
-    first: int,
-    bodies: Sequence[_Body],
-    frames: Mapping[str, Frame],
-    description: Description,
-    where: str,
-) -> list[str]:
-    """
-    Raise InputError for links whose inertia no body has; return notes of possible bodies.
-
-    A link that is merged with others may violate the inequality of the moments of inertia, which
-    is a note, but has no negative moment. Links of bodies before `first` are ignored.
-    """
-    notes = []
-    merged = {frame.body for name, frame in frames.items() if name != bodies[frame.body].link}
-    for name, frame in frames.items():
-        link, body = description.links[name], bodies[frame.body]
-        if frame.body < first or not (link.mass or any(link.inertia)):
-            continue
-        excess, what, expected = _excess(link)
-        xx, yy, zz = body.inertial_parameters[4:7]
-        total = xx + yy + zz
-        # Flat bodies are valid, and decimals are rounded.
-        if excess <= _ROUNDED * total:
-            continue
-        if frame.body not in merged or min(*link.inertia[::3], link.inertia[5]) < 0.0:
-            raise InputError(f"{where}, line {link.line}: link '{name}' has {what}; {expected}")
-        if not excess <= _UNSEEN * total:
-            share = f'{100.0 * excess / total:.2g} % of those of its body'
-            notes.append(f"link '{name}' has {what}, {share} '{body.link}'")
-    return notes
-
-
-def _excess(link: Link) -> tuple[float, str, str]:
-    """Return the size in kg·m² of an inertia that no body has, its description and the remedy."""
-    if not link.mass:
-        largest = max(map(abs, link.inertia))
-        return largest, 'mass 0 with a moment of inertia', 'expected a mass > 0, or no inertia'
-    least = _least(_moments(link))
-    return (
-        -least,
-        f'an inertia that no body has: the least second moment of its mass is {least:.3g} kg·m²',
-        'expected >= 0 (no moment of inertia exceeds the sum of the other two)',
-    )
-
-
-def _check_moments(bodies: Sequence[_Body], description: Description, where: str) -> None:
-    """Raise InputError for bodies that cannot exist, with the name of the link."""
-    for body in bodies:
-        if not any(body.inertial_parameters):
-            continue
-        least = _least(body.inertial_parameters)
-        xx, yy, zz = body.inertial_parameters[4:7]
-        if not least >= -_ROUNDED * (xx + yy + zz):
-            link = description.links[body.link]
-            raise InputError(
-                f"{where}, line {link.line}: link '{link.name}', with what is fixed to it, has an"
-                f' inertia that no body has: the least second moment of its mass is {least:.3g}'
-                ' kg·m², expected >= 0 (no moment of inertia exceeds the sum of the other two)'
-            )
-
-
-def _least(inertial_parameters: Moments) -> float:
-    """Return the smallest eigenvalue of the second moments about the centre of mass, in kg·m²."""
-    mass = inertial_parameters[0]
-    if mass <= 0.0:
-        return -np.inf
-    p = pseudo_inertia(inertial_parameters)
-    central = p[:3, :3] - np.outer(p[:3, 3], p[:3, 3]) / mass
-    return float(np.linalg.eigvalsh(central)[0])
+            frames[name] = Frame(0, *seen_from(chosen, frame.rotation, frame.offset))
 
 
 def _mount(
@@ -716,7 +568,7 @@ def _mount(
 ) -> Mount:
     """Return the mounting of a wheel on the base; joints in `fixed` steer no wheel."""
     joint = description.joints[name]
-    frame, axis = frames[joint.child], _vector(joint.axis)
+    frame, axis = frames[joint.child], vector(joint.axis)
     for is_wrong, what in (
         (joint.kind not in ('continuous', 'revolute'), f'is {joint.kind}: it is no wheel'),
         (bool(joint.mimics), f"moves with '{joint.mimics}': it is no wheel"),
@@ -730,7 +582,7 @@ def _mount(
     ):
         if is_wrong:
             raise InputError(f"{where}, line {joint.line}: joint '{name}' {what}")
-    inertia = _about(axis, _wheel_moments(description, frames, joint.child))
+    inertia = about(axis, _wheel_moments(description, frames, joint.child))
     return Mount(joint, frame.offset, rotate(frame.rotation, axis), inertia)
 
 
@@ -744,7 +596,7 @@ def _steering(description: Description, wheel: Joint, fixed: Mapping[str, float]
     rotation = ROTATION
     for joint in reversed(way):
         rotation = product(rotation, joint_pose(joint, 0.0)[0])
-        axis = rotate(rotation, _vector(joint.axis))
+        axis = rotate(rotation, vector(joint.axis))
         turns = joint.kind in ('continuous', 'revolute') and joint.name not in fixed
         if turns and abs(axis[2]) > _UPRIGHT:
             return joint.name
@@ -755,30 +607,13 @@ def _wheel_moments(
     description: Description, frames: Mapping[str, Frame], wheel: str
 ) -> Moments:
     """Return the inertial parameters of a wheel with all links on it, in its frame."""
-    total, own, links = _moments(description.links[wheel]), frames[wheel], [wheel]
+    total, own, links = link_moments(description.links[wheel]), frames[wheel], [wheel]
     for parent in links:
         for joint in description.joints.values():
             frame = frames[joint.child]
             # A controlled joint on a wheel moves another body, which counts as its own.
             if joint.parent == parent and frame.body == own.body:
                 links.append(joint.child)
-                placed = _seen_from(own, frame.rotation, frame.offset)
-                total = _with_link(total, description.links[joint.child], *placed)
+                placed = seen_from(own, frame.rotation, frame.offset)
+                total = with_link(total, description.links[joint.child], *placed)
     return total
-
-
-def _with_link(total: Moments, link: Link, rotation: Rotation, offset: Vector) -> Moments:
-    """Return inertial parameters with those of a link at a place."""
-    moved = moments_in_parent(rotation, offset, _moments(link))
-    return cast(Moments, tuple(a + b for a, b in zip(total, moved, strict=True)))
-
-
-def _about(axis: Vector, inertial_parameters: Moments) -> float:
-    """Return the moment of inertia about an axis through a link's origin, in kg·m²."""
-    xx, yy, zz, xy, yz, zx = inertial_parameters[4:]
-    along = (
-        xx * axis[0] + xy * axis[1] + zx * axis[2],
-        xy * axis[0] + yy * axis[1] + yz * axis[2],
-        zx * axis[0] + yz * axis[1] + zz * axis[2],
-    )
-    return float(xx + yy + zz - inner(axis, along))

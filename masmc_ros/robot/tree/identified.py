@@ -13,7 +13,7 @@ from masmc_ros.errors import InputError
 from masmc_ros.params.declaration import MutableValues
 from masmc_ros.robot.declaration import URDF
 from masmc_ros.robot.robot import Robot
-from masmc_ros.robot.tree.assembly import pseudo_inertia
+from masmc_ros.robot.tree.link_inertia import pseudo_inertia
 from masmc_ros.robot.tree.spatial import PER_BODY
 from masmc_ros.robot.tree.tree_mechanism import tree_mechanism, TreeMechanism
 import numpy as np

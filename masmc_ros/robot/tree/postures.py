@@ -15,8 +15,9 @@ import math
 from typing import NamedTuple
 
 from masmc_ros.aliases import Array
-from masmc_ros.robot.tree.assembly import Frame, TreeRobot
+from masmc_ros.robot.tree.assembly import TreeRobot
 from masmc_ros.robot.tree.dynamics import GRAVITY
+from masmc_ros.robot.tree.link_inertia import Frame
 from masmc_ros.robot.tree.tree_model import DIFFERENTIAL, FIXED, PRISMATIC
 import numpy as np
 

@@ -35,15 +35,7 @@ from masmc_ros.robot.declaration import (
 )
 from masmc_ros.robot.packages import resource_path
 from masmc_ros.robot.tree import formulas as kernels
-from masmc_ros.robot.tree.assembly import (
-    BASES,
-    joint_pose,
-    pseudo_inertia,
-    TRACK_FACTOR,
-    tree_robot,
-    TreeRobot,
-    with_axle,
-)
+from masmc_ros.robot.tree.assembly import BASES, TRACK_FACTOR, tree_robot, TreeRobot, with_axle
 from masmc_ros.robot.tree.following import comfortable_reach, Followed, followed_base, Trail
 from masmc_ros.robot.tree.frames import (
     BASE,
@@ -55,6 +47,7 @@ from masmc_ros.robot.tree.frames import (
     TURNS,
     world_of,
 )
+from masmc_ros.robot.tree.link_inertia import joint_pose, pseudo_inertia
 from masmc_ros.robot.tree.postures import (
     gravity_torques,
     largest_gravity_torques,

@@ -24,13 +24,8 @@ from masmc_ros.errors import InputError
 from masmc_ros.params.declaration import MutableValues, Value, Values
 from masmc_ros.params.text import yaml_text
 from masmc_ros.robot.declaration import listed
-from masmc_ros.robot.tree.assembly import (
-    joint_pose,
-    STEERED,
-    TRACK_FACTOR,
-    tree_robot,
-    TreeRobot,
-)
+from masmc_ros.robot.tree.assembly import STEERED, TRACK_FACTOR, tree_robot, TreeRobot
+from masmc_ros.robot.tree.link_inertia import joint_pose
 from masmc_ros.robot.tree.postures import (
     arm_limits,
     frame_of,

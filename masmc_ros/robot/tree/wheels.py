@@ -366,11 +366,6 @@ def driving_wheels(
             f'robot.roller_angles {list(roller_angles)}: expected one for each of robot.wheels'
             f' {names} of an omnidirectional base, or none'
         )
-    if base == DIFFERENTIAL and any(middle_of(mounts, where)):
-        raise InputError(
-            f'{where}: wheels at {[mount.centre for mount in mounts]}; expected the base frame in'
-            ' the middle between them'
-        )
     problems = _of_mounting(base, mounts)
     height = mounts[0].centre[2]
     if radius <= 0.0 and height <= 0.0:
