@@ -181,6 +181,7 @@ def _fight(seconds: float, seed: int, check: Callable[[], None]) -> tuple[int, i
                 started += 1
             if last == math.inf:
                 # The first line of the first client.
+                assert clients[0].stdout is not None
                 select.select([clients[0].stdout], [], [], _START)
                 last = time.monotonic() + seconds
             time.sleep(min(4.0, max(0.0, last - time.monotonic())))
