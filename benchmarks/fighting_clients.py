@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 import math
 from pathlib import Path
+import select
 import subprocess
 import sys
 import tempfile
@@ -179,9 +180,9 @@ def _fight(seconds: float, seed: int, check: Callable[[], None]) -> tuple[int, i
                 clients.append(subprocess.Popen(command, stdout=subprocess.PIPE))
                 started += 1
             if last == math.inf:
-                # A line, or its end.
+                # The first line of the first client.
                 assert clients[0].stdout is not None
-                clients[0].stdout.readline()
+                select.select([clients[0].stdout], [], [], _START)
                 last = time.monotonic() + seconds
             time.sleep(min(4.0, max(0.0, last - time.monotonic())))
             check()
