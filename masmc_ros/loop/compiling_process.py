@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Process that compiles laws beside a node: `python -m masmc_ros.loop.compiling_process`.
+Process that compiles laws for a node: `python -m masmc_ros.loop.compiling_process`.
 
 It reads one request from its standard input, and ends with the process that holds the other end.
 """
