@@ -78,7 +78,8 @@ def test_dissipative_step_takes_limited_power(
 ) -> None:
     """The step has the same direction, and is unmodified if its power is within the bound."""
     memory = SimpleNamespace(estimate=estimate, reaching=force, disturbance=(0.0, 1.0, -2.0))
-    arguments: Any = SimpleNamespace(observer_gain=gain), SimpleNamespace(surface=surface), memory
+    tick = SimpleNamespace(surface=surface, velocity=(0.0, 0.0, 0.0))
+    arguments: Any = SimpleNamespace(observer_gain=gain), tick, memory
     bounded = np.array(dissipative_step(*arguments, gradient, moved))
     power = np.dot(gradient, np.subtract(estimate, moved))
     dissipated = -np.dot(surface, np.add(force, memory.disturbance))

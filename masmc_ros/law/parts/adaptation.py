@@ -265,10 +265,12 @@ def dissipative_step(
     """
     Return theta after a step that is shortened if it adapts faster than the law reaches.
 
-    The step changes the torque along sigma = J^-1 s by the power p, the decrease of g' theta, one
+    The step changes the torque along sigma = v - v_r by the power p, the decrease of g' theta, one
     period later than the reaching force, which dissipates P = -s' (u + d). With the implicit law
     and beta its gain of d, the loop does not oscillate for p <= (1 - beta)^2 P / 4, to which p is
-    limited (docs/theory/adaptation.md). A point between consistent estimates is consistent.
+    limited (docs/theory/adaptation.md). In the null space of the task there is no reaching force:
+    for a robot with more velocities than axes, P is the energy of sigma over a period, which it is
+    on the surface of the implicit law. A point between consistent estimates is consistent.
 
     Parameters
     ----------
@@ -285,8 +287,14 @@ def dissipative_step(
 
     """
     remainder = 1.0 - settings.observer_gain
-    force = elementwise(plus, memory.reaching, memory.disturbance)
-    most = max(0.0, -0.25 * remainder * remainder * dot(tick.surface, force))
+    if len(tick.velocity) > len(tick.surface):
+        sigma = elementwise(minus, tick.velocity, tick.reference_velocity)
+        h = mechanism.inertia(tick.model, tick.posture, tick.nominal)
+        dissipated = dot(sigma, mechanism.inertia_times(tick.model, h, sigma)) / tick.period
+    else:
+        force = elementwise(plus, memory.reaching, memory.disturbance)
+        dissipated = -dot(tick.surface, force)
+    most = max(0.0, 0.25 * remainder * remainder * dissipated)
     power = dot(gradient, elementwise(minus, memory.estimate, moved))
     if power > most:
         return elementwise(_between, memory.estimate, moved, most / power)
