@@ -16,6 +16,7 @@ from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.params.declaration import Values
 from masmc_ros.physics.mujoco_model import contact_model
 from masmc_ros.robot.robot import Robot
+from masmc_ros.robot.tree.wheels import Wheels
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -45,7 +46,8 @@ class ContactRobot(SimulatedRobot):
 
     The measured base pose is the true one even with slip. If encoders have a resolution, it is
     that of odometry, without slip. For an omnidirectional base, commands are forces on the base,
-    produced by the wheels; disturbances of the base act on it directly.
+    produced by the wheels; disturbances of the base act on it directly. Own wheels produce them
+    within their limits.
     """
 
     is_compiled = False
@@ -72,6 +74,10 @@ class ContactRobot(SimulatedRobot):
         self._gone = np.zeros(self._parts.forces)
         # Wheel torques of minimum norm that produce forces on the base.
         self._shares = np.linalg.pinv(self._parts.rolling).T
+        driving: Wheels | None = getattr(getattr(robot.mechanism, 'robot', None), 'wheels', None)
+        self._own = driving if driving is not None and driving.push_base else None
+        self._level = self._parts.model.geom_quat[self._parts.wheels]
+        self._back = np.zeros(4)
         self._drive: Callable[..., None] | None = None
         self._observe: Callable[..., bool] | None = None
         super().__init__(robot, period, values)
@@ -104,8 +110,14 @@ class ContactRobot(SimulatedRobot):
             data.qfrc_applied[parts.rates] = disturbance[forces:]
             data.qfrc_applied[parts.rotor_rates] += driven[forces:]
             if forces:
-                data.qfrc_applied[parts.turning] = self._shares @ driven[:forces]
+                pushed = driven[:forces]
+                data.qfrc_applied[parts.turning] = (
+                    self._shares @ pushed
+                    if self._own is None
+                    else self._own.wheel_torques(pushed[None])[0]
+                )
                 self._push_base(disturbance[:forces])
+                self._level_rollers()
             mujoco.mj_step(model, data)
             self._gone += self._rates()[:forces] * self.period / self._steps
         self.tick += 1
@@ -140,6 +152,16 @@ class ContactRobot(SimulatedRobot):
         self._data.qfrc_applied[:2] = x * c - y * s, x * s + y * c
         self._data.qfrc_applied[5] = turn
 
+    def _level_rollers(self) -> None:
+        """Turn the contact geometries of own wheels with rollers back by their angles."""
+        if self._own is None:
+            return
+        parts, model = self._parts, self._model
+        for wheel, number in enumerate(parts.wheels):
+            angle = -self._data.qpos[parts.angles[wheel]]
+            mujoco.mju_axisAngle2Quat(self._back, parts.spun[wheel], angle)
+            mujoco.mju_mulQuat(model.geom_quat[number], self._back, self._level[wheel])
+
     @property
     def _model(self) -> mujoco.MjModel:
         """Return the model at this tick, with or without the payload."""
@@ -164,6 +186,7 @@ class ContactRobot(SimulatedRobot):
             heave, roll, pitch = _CALM * data.qvel[2:5]
             data.qvel[:] = 0.0
             data.qvel[2:5] = heave, roll, pitch
+            self._level_rollers()
             mujoco.mj_step(self._model, data)
         self._place(x, y, start[first:])
         data.qvel[:] = 0.0

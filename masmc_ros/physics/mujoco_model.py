@@ -7,7 +7,11 @@ MuJoCo model of a robot: bodies of its URDF, wheels on a plane, castors and payl
 The base moves freely and is guided by friction. Bodies have the masses of the URDF. Only wheels
 and castors have contacts. The rotor of an elastic joint is a body that only spins, as that of
 `plant_model.elastic`, and a tendon is its spring. A stiff constraint couples a mimic joint to its
-controlled joint.
+controlled joint, and the wheels of one side of a skid-steer base to each other.
+
+A wheel with rollers has friction along the axis of the roller on the ground, and nearly none
+across. The contact geometry, a short capsule, defines both directions, and must not turn with the
+wheel: see `ContactRobot`.
 """
 
 from __future__ import annotations
@@ -20,7 +24,8 @@ from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError
 from masmc_ros.params.declaration import Values
 from masmc_ros.robot.robot import Robot
-from masmc_ros.robot.tree.assembly import tree_robot, TreeRobot
+from masmc_ros.robot.tree.assembly import Mimic, tree_robot, TreeRobot
+from masmc_ros.robot.tree.wheels import Wheels
 from masmc_ros.robot.urdf import read_urdf
 import mujoco
 import numpy as np
@@ -95,6 +100,10 @@ class ContactModel(NamedTuple):
     """Number of the first joints of the mechanism that are forces on the base instead."""
     turning: Array
     """Indices (wheels) of the wheels in qvel."""
+    angles: Array
+    """Indices (wheels) of the wheels in qpos."""
+    spun: Array
+    """Axles (wheels, 3) in the frames of the wheels."""
     wheels: Array
     """Numbers (wheels) of the wheel geometries."""
     radii: Array
@@ -117,7 +126,7 @@ def contact_model(
     springs: Array | None = None,
 ) -> ContactModel:
     """
-    Make the model of a robot on two driven wheels, or on omnidirectional ones.
+    Make the model of a robot on two driven wheels, on those of a skid-steer base, or on rollers.
 
     Parameters
     ----------
@@ -128,8 +137,8 @@ def contact_model(
     friction
         Friction coefficient of the wheels on the ground.
     castor_distance
-        Distance of the castors from the axle, or of omnidirectional wheels from the centre, in
-        m; 0 selects half of the track, or 0.4 m.
+        Distance of the castors from the axle, or of the wheels that are put under an
+        omnidirectional base from the centre, in m; 0 selects half of the track, or 0.4 m.
     load
         Mass of the payload at the tip in kg.
     springs
@@ -139,33 +148,45 @@ def contact_model(
     Raises
     ------
     InputError
-        If the robot has other wheels, or MuJoCo rejects its bodies.
+        If the robot has no wheels or friction in directions of the base, or MuJoCo rejects its
+        bodies.
 
     """
     mechanism = robot.mechanism
     places = [velocity.place for velocity in mechanism.twist]
     has_rollers = places == _ANY_WAY
-    driven = len(robot.values.get('wheels', ()))
-    if (has_rollers and driven) or driven > len(_PLACES) or places not in (_PLACES, _ANY_WAY):
+    if places not in (_PLACES, _ANY_WAY):
         raise InputError(
-            'plant.physics = mujoco: expected a robot on two driven wheels (robot.base '
-            'differential), or an omnidirectional base without robot.wheels, under which four '
-            'are put; skid-steer and mecanum wheels work with plant.physics rigid'
+            'plant.physics = mujoco: expected a robot on wheels (robot.base differential), or an '
+            'omnidirectional base; four wheels are put under one without robot.wheels'
         )
+    # Those of the paper's robot are its two first joints.
+    driving: Wheels | None = getattr(getattr(mechanism, 'robot', None), 'wheels', None)
     forces = len(_ANY_WAY) if has_rollers else 0
     names = [joint.name for joint in mechanism.joints][forces:]
+    followers = {
+        name: Mimic(*follower) for name, follower in (driving.followers if driving else {}).items()
+    }
+    turned = [*followers]
+    if driving and has_rollers:
+        turned = [joint.name for joint in driving.joints]
     springs = np.zeros((len(mechanism.joints), 3)) if springs is None else springs
     if springs[:forces, 0].any():
         raise InputError(
             'plant.joint_stiffness: expected 0 for the first 3 joints, because with plant.physics '
             'mujoco they are forces on the base'
         )
-    tree = _with_wheels(robot, names)
-    if has_rollers:
+    tree = _with_wheels(robot, [*turned, *names])
+    mimics = {**tree.mimics, **followers}
+    ground = 0.0
+    if driving and has_rollers:
+        wheels = _rolling_wheels(tree, driving)
+        ground = wheels[0].centre[2] - wheels[0].radius
+    elif has_rollers:
         wheels = _omni_wheels(castor_distance or _OMNI_DISTANCE)
-        ground = 0.0
     else:
-        wheels = [_wheel(tree, name, robot.values) for name in names[:len(_PLACES)]]
+        driven = [*names[:len(_PLACES)], *followers]
+        wheels = [_wheel(tree, name, robot.values) for name in driven]
         ground = wheels[0].centre[2] - wheels[0].radius
     spec = mujoco.MjSpec()
     spec.compiler.autolimits = True
@@ -183,11 +204,19 @@ def contact_model(
     bodies = _bodies(spec, tree, robot.values.get('armature', 0.0))
     # A robot with joint friction has coefficients of all joints, viscous ones first.
     coefficients = np.reshape(getattr(mechanism, 'friction', np.zeros(0)), (2, -1))
-    for name, viscous, coulomb in zip(names, *coefficients, strict=False):
+    of_joints = [*zip(names, *coefficients[:, forces:], strict=False)]
+    if coefficients[:, :forces].any():
+        if driving is None or robot.values.get('friction') != 'urdf':
+            raise InputError(
+                'robot.viscous_friction and robot.coulomb_friction: expected 0 for the first 3 '
+                'joints, because with plant.physics mujoco they are forces on the base'
+            )
+        of_joints += [(joint.name, joint.damping, joint.friction) for joint in driving.joints]
+    for name, viscous, coulomb in of_joints:
         joint = spec.joint(name)
         # The second and third are of its square and cube.
         joint.damping, joint.frictionloss = [viscous, 0.0, 0.0], coulomb
-    for name, mimic in tree.mimics.items():
+    for name, mimic in mimics.items():
         # The offset is part of the placement of the body.
         coupling = np.zeros(mujoco.mjNEQDATA)
         coupling[1] = mimic.multiplier
@@ -201,11 +230,12 @@ def contact_model(
         for name, spring in zip(names, springs[forces:], strict=True)
     ]
     for wheel in wheels:
-        if has_rollers:
-            _add_omni_wheel(spec, bodies[0], wheel, friction)
-        else:
+        if not has_rollers:
             _add_wheel(bodies[_number(tree, wheel.name)], wheel, friction)
-    if not has_rollers:
+            continue
+        body = bodies[_number(tree, wheel.name)] if driving else _add_omni_wheel(bodies[0], wheel)
+        _add_rollers(spec, body, wheel, friction)
+    if len(wheels) == len(_PLACES):
         distance = castor_distance or 0.5 * abs(wheels[0].centre[1] - wheels[1].centre[1])
         _add_castors(bodies[0], distance, _CASTOR * wheels[0].radius, ground)
     tip = tree.frames[mechanism.point_frame or mechanism.frames[-1][1]]
@@ -217,22 +247,27 @@ def contact_model(
         model = spec.compile()
     except ValueError as error:
         raise InputError(f'plant.physics = mujoco: {error}') from error
-    joints, turning, mimics = (
-        [model.joint(name) for name in part] for part in (names, rotors, tree.mimics)
+    joints, turning, coupled = (
+        [model.joint(name) for name in part] for part in (names, rotors, mimics)
     )
+    numbers = [model.geom(wheel.name).id for wheel in wheels]
+    # The directions of the geometries of rollers change.
+    model.geom_sameframe[numbers] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
     return ContactModel(
         model,
         np.array([joint.qposadr[0] for joint in joints]),
         np.array([joint.dofadr[0] for joint in joints]),
         np.array([joint.qposadr[0] for joint in turning]),
         np.array([joint.dofadr[0] for joint in turning]),
-        np.array([joint.qposadr[0] for joint in mimics], np.int64),
-        np.array([joint.dofadr[0] for joint in mimics], np.int64),
-        np.array([names.index(mimic.source) for mimic in tree.mimics.values()], np.int64),
-        np.array([mimic.multiplier for mimic in tree.mimics.values()]),
+        np.array([joint.qposadr[0] for joint in coupled], np.int64),
+        np.array([joint.dofadr[0] for joint in coupled], np.int64),
+        np.array([names.index(mimic.source) for mimic in mimics.values()], np.int64),
+        np.array([mimic.multiplier for mimic in mimics.values()]),
         forces,
         np.array([model.joint(wheel.name).dofadr[0] for wheel in wheels]),
-        np.array([model.geom(wheel.name).id for wheel in wheels]),
+        np.array([model.joint(wheel.name).qposadr[0] for wheel in wheels]),
+        np.array([model.joint(wheel.name).axis for wheel in wheels]),
+        np.array(numbers),
         np.array([wheel.radius * (1.0 if has_rollers else wheel.axle[1]) for wheel in wheels]),
         np.array([wheel.rolling for wheel in wheels]),
         has_rollers,
@@ -248,12 +283,16 @@ class _Wheel(NamedTuple):
     axle: Array
     """Unit vector of positive rotation."""
     radius: float
+    free: Array
+    """Unit vector without friction, if it has rollers, in the frame of its body."""
+    rolling: Array
+    """Rolling rate (3) per base velocity forwards, sideways and rotation."""
 
-    @property
-    def rolling(self) -> list[float]:
-        """Return its rolling rate per base velocity forwards, sideways and rotation."""
-        ahead, left = self.axle[1] / self.radius, -self.axle[0] / self.radius
-        return [ahead, left, self.centre[0] * left - self.centre[1] * ahead]
+
+def _rolling(centre: Array, axle: Array, radius: float) -> Array:
+    """Return the rates of a plain wheel."""
+    ahead, left = axle[1] / radius, -axle[0] / radius
+    return np.array([ahead, left, centre[0] * left - centre[1] * ahead])
 
 
 def _wheel(tree: TreeRobot, joint: str, values: Values) -> _Wheel:
@@ -262,7 +301,26 @@ def _wheel(tree: TreeRobot, joint: str, values: Values) -> _Wheel:
     centre = tree.tree.offset[number]
     axle = tree.tree.rotation[number].reshape(3, 3) @ tree.moving[number - 1].axis
     side = np.array([0.0, np.sign(axle[1]), 0.0])
-    return _Wheel(joint, centre, side, float(values.get('wheel_radius') or centre[2]))
+    radius = float(values.get('wheel_radius') or centre[2])
+    return _Wheel(joint, centre, side, radius, side, _rolling(centre, side, radius))
+
+
+def _rolling_wheels(tree: TreeRobot, driving: Wheels) -> list[_Wheel]:
+    """Return the wheels of an omnidirectional base, which have rollers."""
+    wheels = []
+    for joint, rates in zip(driving.joints, driving.matrix, strict=True):
+        number = _number(tree, joint.name)
+        rotation = tree.tree.rotation[number].reshape(3, 3)
+        # The rates are those of a motion along the axis of the roller.
+        across = np.array([-rates[1], rates[0], 0.0])
+        wheels.append(
+            _Wheel(
+                joint.name, tree.tree.offset[number],
+                rotation @ tree.moving[number - 1].axis, driving.radius,
+                rotation.T @ across / np.linalg.norm(across), rates,
+            )
+        )  # fmt: skip
+    return wheels
 
 
 def _omni_wheels(distance: float) -> list[_Wheel]:
@@ -272,7 +330,9 @@ def _omni_wheels(distance: float) -> list[_Wheel]:
         angle = (number + 0.5) * 2.0 * math.pi / _OMNI_COUNT
         outward = np.array([math.cos(angle), math.sin(angle), 0.0])
         centre = distance * outward + [0.0, 0.0, _OMNI_RADIUS]
-        wheels.append(_Wheel(f'omni_wheel_{number + 1}', centre, outward, _OMNI_RADIUS))
+        rolling = _rolling(centre, outward, _OMNI_RADIUS)
+        name = f'omni_wheel_{number + 1}'
+        wheels.append(_Wheel(name, centre, outward, _OMNI_RADIUS, outward, rolling))
     return wheels
 
 
@@ -366,19 +426,20 @@ def _add_wheel(body: mujoco.MjsBody, wheel: _Wheel, friction: float) -> None:
     )
 
 
-def _add_omni_wheel(
-    spec: mujoco.MjSpec, base: mujoco.MjsBody, wheel: _Wheel, friction: float
-) -> None:
-    """
-    Add a wheel with rollers across its rim, which has no friction along its axle.
-
-    The contact geometry is a capsule along the axle, which defines the directions of friction.
-    """
+def _add_omni_wheel(base: mujoco.MjsBody, wheel: _Wheel) -> mujoco.MjsBody:
+    """Add a wheel with rollers across its rim to a base without own wheels."""
     body = base.add_body(name=wheel.name, pos=wheel.centre)
     body.explicitinertial = True
     body.mass, body.ipos, body.inertia = _OMNI_MASS, np.zeros(3), np.full(3, _OMNI_INERTIA)
     body.add_joint(name=wheel.name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=wheel.axle)
-    end = 0.5 * _FLATNESS * wheel.radius * wheel.axle
+    return body
+
+
+def _add_rollers(
+    spec: mujoco.MjSpec, body: mujoco.MjsBody, wheel: _Wheel, friction: float
+) -> None:
+    """Add the contact of a wheel with rollers: a capsule along the direction without friction."""
+    end = 0.5 * _FLATNESS * wheel.radius * wheel.free
     body.add_geom(
         name=wheel.name, type=mujoco.mjtGeom.mjGEOM_CAPSULE, size=[wheel.radius, 0.0, 0.0],
         fromto=[*-end, *end],

@@ -11,15 +11,15 @@ import sys
 from typing import Any
 
 from helpers.small_tree import parameters, START
+from helpers.wheeled_tree import parameter_file
 from masmc_ros.errors import InputError
 from masmc_ros.loop.signals import CONTACT, largest_slip
 from masmc_ros.loop.simulated_robot import plant_of, SimulatedRobot
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.physics.mujoco_model import contact_model
+from masmc_ros.loop.tick_block import TickBlock
 from masmc_ros.robot.mechanisms import mechanism_from
-from masmc_ros.robot.robot import robot_of
 from masmc_ros.scenario.node_parameters import declared
-from masmc_ros.scenario.scenario import load_scenario
+from masmc_ros.scenario.scenario import activation, load_scenario
 import numpy as np
 from numpy.typing import NDArray
 import pytest
@@ -114,28 +114,57 @@ def test_omni_contact_wheel_force_is_limited_by_friction() -> None:
     np.testing.assert_allclose(contact[:, 3], friction * contact[:, 2], rtol=0.02)
 
 
-def test_omni_contact_robot_with_own_wheels_raises() -> None:
-    mecanum = ''.join(
-        f'<link name="{name}"><inertial><mass value="1"/><inertia ixx="0.002" ixy="0" ixz="0" '
-        'iyy="0.002" iyz="0" izz="0.003"/></inertial></link>'
-        f'<joint name="{name}" type="continuous"><parent link="base"/><child link="{name}"/>'
-        f'<origin xyz="{x} {y} 0.08" rpy="0 0 {turned}"/><axis xyz="0 1 0"/></joint>'
-        for name, x, y, turned in (('a', 0.3, 0.0, 1.5708), ('b', -0.2, 0.2, 0.5),
-                                   ('c', -0.2, -0.2, 2.6))
+def cart(folder: Path, base: str, *settings: str) -> TickBlock:
+    """Return a run of the robot on four wheels, which starts at rest at its own position."""
+    fixed = ('plant.physics=mujoco', 'controller.active_on_start=false')
+    path = str(parameter_file(folder, base, ticks=200))
+    values = load_scenario(path, (*fixed, 'controller.approach_on_start=true', *settings))
+    (tick_block,) = Simulation(values, activation(values)).run(block=sys.maxsize)
+    return tick_block
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('friction', [0.8, 0.1])
+def test_mecanum_contact_tracks_path_without_slip(friction: float, tmp_path: Path) -> None:
+    """The contact of a roller has friction along its axis, wherever the wheel has turned to."""
+    tick_block = cart(tmp_path, 'omnidirectional', f'plant.friction={friction}')
+    assert largest_slip(tick_block.contact) < 1e-3
+    assert np.abs(tick_block.error[100:]).max() < 3e-5
+    moved = tick_block.position[-1, :6] - tick_block.position[0, :6]
+    assert abs(moved[4]) > 0.05
+
+
+@pytest.mark.slow
+def test_mecanum_contact_wheels_keep_their_limits(tmp_path: Path) -> None:
+    """The force that the wheels lack is not applied, other than by the plant without slip."""
+    scenario = load_scenario(
+        str(parameter_file(tmp_path, 'omnidirectional', ticks=20)), ('plant.physics=mujoco',)
     )
-    urdf = (
-        '<robot name="three"><link name="base"><inertial><mass value="9"/><inertia ixx="1" ixy="0"'
-        ' ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>' + mecanum
-        + '<link name="arm"/><joint name="lift" type="prismatic"><parent link="base"/>'
-        '<child link="arm"/><axis xyz="0 0 1"/>'
-        '<limit lower="0" upper="1" effort="9" velocity="1"/></joint></robot>'
-    )
-    values: dict[str, Any] = {
-        'robot.urdf': urdf, 'robot.base': 'omnidirectional', 'robot.wheels': ('a', 'b', 'c'),
-    }
-    defaults = {p.name: p.default for p in declared('plant', mechanism_from(values))}
-    with pytest.raises(InputError, match=r'without robot\.wheels'):
-        contact_model(robot_of({**defaults, **values}), 0.5 * PERIOD, friction=0.8)
+    moved = []
+    for force in (-3200.0, -32000.0):
+        robot = plant_of({**scenario['plant'], 'torque_limit': (0.0,) * 5}, 0.01)
+        moved.append(driven(robot, (force, 0.0, 0.0), 2)[:2])
+    # The wheels of 8 N·m, one of them of a third of it, have at most 267 N.
+    np.testing.assert_allclose(moved[0], moved[1], rtol=1e-9)
+    assert 0.05 < np.hypot(*moved[0]) < 267.0 / 25.0 * 0.02
+
+
+@pytest.mark.slow
+def test_skid_steer_contact_wheels_of_side_turn_together(tmp_path: Path) -> None:
+    limits = 'controller.torque_limit=[5.6, 5.6, 30.0, 30.0]'
+    tick_block = cart(tmp_path, 'differential', limits)
+    contact = tick_block.contact[100:].reshape(-1, 4, len(CONTACT))
+    mass = 20.0 + 4 * 1.5 + 3.0
+    np.testing.assert_allclose(contact[:, :, 2].sum(axis=1), mass * GRAVITY, rtol=0.02)
+    # Right and left wheels, each with the slip of the other one on its side, which is driven, too.
+    assert np.abs(contact[:, :2, 0] - contact[:, 2:, 0]).max() < 1e-5
+    assert np.abs(tick_block.error[100:]).max() < 0.01
+
+
+def test_omni_contact_base_friction_raises() -> None:
+    friction = {'robot.friction': 'parameters', 'robot.viscous_friction': (1.0,)}
+    with pytest.raises(InputError, match=r'robot\.viscous_friction .* expected 0 for the first 3'):
+        plant(**friction)
 
 
 @pytest.mark.slow

@@ -295,7 +295,7 @@ def test_contact_run_wheels_lose_ground_raises(
 
 def test_contact_model_fixed_base_raises() -> None:
     values = {**parameters(), 'robot.base': 'fixed', 'robot.wheels': (), 'robot.posture': (0.0,)}
-    with pytest.raises(InputError, match='expected a robot on two driven wheels'):
+    with pytest.raises(InputError, match='expected a robot on wheels'):
         contact_model(robot_of(tree_values(values)), STEP, friction=0.8)
 
 
