@@ -16,7 +16,6 @@ from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.params.declaration import Values
 from masmc_ros.physics.mujoco_model import contact_model
 from masmc_ros.robot.robot import Robot
-from masmc_ros.robot.tree.wheels import Wheels
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -74,8 +73,6 @@ class ContactRobot(SimulatedRobot):
         self._gone = np.zeros(self._parts.forces)
         # Wheel torques of minimum norm that produce forces on the base.
         self._shares = np.linalg.pinv(self._parts.rolling).T
-        driving: Wheels | None = getattr(getattr(robot.mechanism, 'robot', None), 'wheels', None)
-        self._own = driving if driving is not None and driving.push_base else None
         self._level = self._parts.model.geom_quat[self._parts.wheels]
         self._back = np.zeros(4)
         self._drive: Callable[..., None] | None = None
@@ -113,11 +110,11 @@ class ContactRobot(SimulatedRobot):
                 pushed = driven[:forces]
                 data.qfrc_applied[parts.turning] = (
                     self._shares @ pushed
-                    if self._own is None
-                    else self._own.wheel_torques(pushed[None])[0]
+                    if parts.driving is None
+                    else parts.driving.wheel_torques(pushed[None])[0]
                 )
                 self._push_base(disturbance[:forces])
-                self._level_rollers()
+            self._level_rollers()
             mujoco.mj_step(model, data)
             self._gone += self._rates()[:forces] * self.period / self._steps
         self.tick += 1
@@ -154,9 +151,9 @@ class ContactRobot(SimulatedRobot):
 
     def _level_rollers(self) -> None:
         """Turn the contact geometries of own wheels with rollers back by their angles."""
-        if self._own is None:
-            return
         parts, model = self._parts, self._model
+        if parts.driving is None:
+            return
         for wheel, number in enumerate(parts.wheels):
             angle = -self._data.qpos[parts.angles[wheel]]
             mujoco.mju_axisAngle2Quat(self._back, parts.spun[wheel], angle)

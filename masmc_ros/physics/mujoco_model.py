@@ -112,6 +112,8 @@ class ContactModel(NamedTuple):
     """Rates (wheels, 3) of rolling wheels per base velocity forwards, sideways and rotation."""
     has_rollers: bool
     """True if rollers allow motion along the axles."""
+    driving: Wheels | None
+    """Own wheels of the robot if they have rollers."""
     height: float
     """Height of the base origin above the ground in m, with the robot on its wheels."""
 
@@ -162,13 +164,15 @@ def contact_model(
         )
     # Those of the paper's robot are its two first joints.
     driving: Wheels | None = getattr(getattr(mechanism, 'robot', None), 'wheels', None)
-    forces = len(_ANY_WAY) if has_rollers else 0
+    # The drives of three wheels are joints of the mechanism; more of them push the base.
+    pushes = has_rollers and (driving is None or driving.push_base)
+    forces = len(_ANY_WAY) if pushes else 0
     names = [joint.name for joint in mechanism.joints][forces:]
     followers = {
         name: Mimic(*follower) for name, follower in (driving.followers if driving else {}).items()
     }
     turned = [*followers]
-    if driving and has_rollers:
+    if driving and pushes:
         turned = [joint.name for joint in driving.joints]
     springs = np.zeros((len(mechanism.joints), 3)) if springs is None else springs
     if springs[:forces, 0].any():
@@ -271,6 +275,7 @@ def contact_model(
         np.array([wheel.radius * (1.0 if has_rollers else wheel.axle[1]) for wheel in wheels]),
         np.array([wheel.rolling for wheel in wheels]),
         has_rollers,
+        driving if has_rollers else None,
         -ground,
     )
 

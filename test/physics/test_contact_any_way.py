@@ -114,6 +114,44 @@ def test_omni_contact_wheel_force_is_limited_by_friction() -> None:
     np.testing.assert_allclose(contact[:, 3], friction * contact[:, 2], rtol=0.02)
 
 
+THREE = (
+    '<robot name="three"><link name="base"><inertial><mass value="9"/><inertia ixx="1" ixy="0"'
+    ' ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>'
+    + ''.join(
+        f'<link name="{name}"><inertial><mass value="1"/><inertia ixx="0.002" ixy="0" ixz="0" '
+        'iyy="0.003" iyz="0" izz="0.002"/></inertial></link>'
+        f'<joint name="{name}" type="continuous"><parent link="base"/><child link="{name}"/>'
+        f'<origin xyz="{x} {y} 0.08" rpy="0 0 {turned}"/><axis xyz="0 1 0"/></joint>'
+        for name, x, y, turned in (('a', 0.3, 0.0, 1.5708), ('b', -0.2, 0.2, 0.5),
+                                   ('c', -0.2, -0.2, 2.6))
+    )
+    + '<link name="arm"><inertial><mass value="1"/><inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01"'
+    ' iyz="0" izz="0.01"/></inertial></link><joint name="lift" type="prismatic">'
+    '<parent link="base"/><child link="arm"/><axis xyz="0 0 1"/>'
+    '<limit lower="0" upper="1" effort="9" velocity="1"/></joint></robot>'
+)  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('torque', [(0.1, 0.0, 0.0), (0.0, 0.2, -0.1), (0.1, 0.1, 0.1)])
+def test_three_wheels_without_slip_match_rigid_robot(torque: tuple[float, ...]) -> None:
+    """Their torques are the commands, other than those of four wheels."""
+    selected: dict[str, Any] = {
+        'robot.urdf': THREE, 'robot.base': 'omnidirectional', 'robot.wheels': ('a', 'b', 'c'),
+    }
+    defaults = {p.name: p.default for p in declared('plant', mechanism_from(selected))}
+    velocities = []
+    for physics in ('mujoco', 'rigid'):
+        robot = plant_of({**defaults, **selected, 'physics': physics}, PERIOD)
+        for _ in range(100):
+            robot.advance(np.array([*torque, 0.0]))
+        velocities.append(robot.true_velocity[:6].copy())
+        if physics == 'mujoco':
+            assert largest_slip(robot.contact) < 0.01
+    actual, expected = velocities
+    np.testing.assert_allclose(actual, expected, atol=0.01 * np.abs(expected).max())
+
+
 def cart(folder: Path, base: str, *settings: str) -> TickBlock:
     """Return a run of the robot on four wheels, which starts at rest at its own position."""
     fixed = ('plant.physics=mujoco', 'controller.active_on_start=false')

@@ -76,8 +76,8 @@ def test_base_on_two_wheels_never_moves_sideways(path: tuple[Array, Array]) -> N
     fine = sample_knots(times, knots, np.linspace(times[0], times[-1], 4000))
     seen: list[Array] = []
 
-    def trail(*arguments: object) -> Array:
-        seen.append(_trailed(*arguments))  # type: ignore[arg-type]
+    def trail(path: Array, start: Array | None, least: float, most: float) -> Array:
+        seen.append(_trailed(path, start, least, most))
         return seen[-1]
 
     axes = WITH_HEADING.mechanism.formulas.base_axes(fine[:, :4], None, trail)

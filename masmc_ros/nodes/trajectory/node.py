@@ -339,6 +339,7 @@ class TrajectoryNode(SuiteNode):
             Tick, stamp in ns and positions (positions) of the state.
 
         """
+        assert self._origin is not None
         before = self._received.followed
         continues = before is not None and before.is_command and tick <= self._received.end
         try:
@@ -355,7 +356,7 @@ class TrajectoryNode(SuiteNode):
             self._skip_until(tick)
         else:
             self._next = first
-            start = self._timing.stamp(first) + (self._origin or 0)
+            start = self._timing.stamp(first) + self._origin
             self._input.accept()
             changed = self._take_requested()
             if changed:

@@ -56,7 +56,8 @@ def logged_responses(run: Run, values: Mapping[str, Values]) -> Responses | None
         answered = np.rint(run.torque.times / period).astype(np.int64)
         is_inside = (answered >= 0) & (answered < count)
         torques[answered[is_inside]] = np.clip(run.torque.values[is_inside], -limits, limits)
-    applied[ticks - 1] = run.applied_effort
+    is_later = ticks > 0
+    applied[ticks[is_later] - 1] = run.applied_effort[is_later]
     acting = latest.copy()
     is_late = (torques[latest] != applied).any(axis=1) & (latest > 0)
     if 2 * np.count_nonzero(is_late) < count:
