@@ -347,7 +347,9 @@ class Controller:
         # An invalid law has raised by now, and the active one is unchanged.
         self._law, self._plug_in, self._kernel = law, plug_in, None
         self.is_compensated = compensated
-        self._of_tick_before = records.of_tick_before(law, compensated=compensated)
+        self._of_tick_before = records.of_tick_before(
+            law, compensated=compensated, limited=self.keeps_joint_limits
+        )
         self.settings, self._read, self.memory = settings, read, memory
 
     def _carry(self, nominal: Array) -> None:

@@ -123,9 +123,11 @@ def law_memory(
     return new_record(fields, mechanism.sizes, lanes)
 
 
-def of_tick_before(law: Law, *, compensated: bool = False) -> tuple[str, ...]:
+def of_tick_before(
+    law: Law, *, compensated: bool = False, limited: bool = False
+) -> tuple[str, ...]:
     """Return the names of memory fields from the previous tick: their initial value is NaN."""
-    fields = _memory_fields(law, compensated=compensated)
+    fields = _memory_fields(law, compensated=compensated, limited=limited)
     return tuple(field.name for field in fields if math.isnan(field.initial))
 
 

@@ -11,6 +11,7 @@ import sys
 
 from helpers.child_environment import child_environment
 from helpers.core_loop import node_values
+from helpers.limited_arm import limited_arm
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from masmc_ros.errors import InputError
@@ -86,17 +87,6 @@ def test_joint_with_extreme_requests_keeps_limits(
     assert reached > 0.1
 
 
-URDF = """<robot name="arm"><link name="base_link"/>
-<link name="upper"><inertial><origin xyz="0.2 0 0"/><mass value="2"/>
-<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.03" iyz="0" izz="0.03"/></inertial></link>
-<link name="fore"><inertial><origin xyz="0.15 0 0"/><mass value="1"/>
-<inertia ixx="0.005" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link>
-<joint name="shoulder" type="revolute"><parent link="base_link"/><child link="upper"/>
-<axis xyz="0 1 0"/><limit lower="-0.3" upper="0.2" effort="60" velocity="2"/></joint>
-<joint name="elbow" type="revolute"><parent link="upper"/><child link="fore"/>
-<origin xyz="0.4 0 0"/><axis xyz="0 1 0"/>
-<limit lower="0.6" upper="0.9" effort="30" velocity="2"/></joint></robot>"""
-
 RUN = """
 import sys
 from masmc_ros.loop.simulation import Simulation
@@ -122,7 +112,7 @@ for choice, scale in (('ignore', '1.0'), ('enforce', '1.0'), ('enforce', '2.0'))
 @pytest.mark.slow
 def test_enforced_limits_hold_where_ignored_ones_fail(tmp_path: Path) -> None:
     urdf = tmp_path / 'arm.urdf'
-    urdf.write_text(URDF, encoding='utf-8')
+    urdf.write_text(limited_arm((-0.3, 0.2), (0.6, 0.9), 2.0), encoding='utf-8')
     output = subprocess.run(
         [sys.executable, '-c', RUN, str(urdf)],
         env={**child_environment(), 'NUMBA_DISABLE_JIT': '1'},
@@ -135,8 +125,8 @@ def test_enforced_limits_hold_where_ignored_ones_fail(tmp_path: Path) -> None:
     assert ignored[2] == 0
     assert nominal[0] <= 0.0
     assert nominal[1] <= 2.0
-    assert doubled[0] <= 0.02
-    assert doubled[1] <= 2.2
+    assert doubled[0] <= 0.004
+    assert doubled[1] <= 2.0
     assert min(nominal[2], doubled[2]) > 10
 
 

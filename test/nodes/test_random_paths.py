@@ -4,29 +4,25 @@
 """
 Random paths of all kinds in a closed loop in virtual time.
 
-MASMC_PATHS sets their number; 10000 take 80 s.
+MASMC_PATHS sets their number; 10000 take ten minutes.
 """
 
 from __future__ import annotations
 
 import os
-import time
 from typing import Any
 
-from helpers.core_loop import CoreLoop, node_values
-from masmc_ros.errors import InputError
+from helpers.core_loop import node_values
+from helpers.followed import Followed
+from helpers.limited_arm import limited_arm
 from masmc_ros.nodes.trajectory.path_messages import PathRequest
-from masmc_ros.nodes.trajectory.received_paths import ReceivedPaths
 from masmc_ros.reference.joint_path import JointPoints
 from masmc_ros.reference.pose_path import PosePoints
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.reference.twist_path import TwistPoints
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 import pytest
-
-Array = NDArray[np.float64]
 
 COUNT = int(os.environ.get('MASMC_PATHS', '160'))
 PERIOD = 0.005
@@ -34,41 +30,11 @@ LATENCY = 0.01
 LARGEST_ERROR = 0.2
 """Distance in m of E and F from their reference, also where the platform turns round."""
 
+LARGEST_LAG = 0.4
+"""Largest error in m or rad of a robot whose joints keep their limits."""
+
 SETTLED = 800
 """Ticks of the start; the first path starts after them."""
-
-
-class Followed(CoreLoop):
-    """Closed loop whose reference continues with paths."""
-
-    def __init__(self, values: dict[str, dict[str, Any]]) -> None:
-        """Initialise the loop from checked values by node."""
-        super().__init__(values)
-        robot = self.controller.robot
-        self.paths = ReceivedPaths(self.trajectory, robot, self.timing, values['trajectory'])
-        # The trajectory of the parameters is part of the paths.
-        self.trajectory = self.paths  # type: ignore[assignment]  # only `sample` is used
-        self.used: list[Array] = []
-        self.reached: list[Array] = []
-
-    def take(self, request: PathRequest) -> None:
-        """Start a path a lead after the current tick, and send its samples; may raise."""
-        self.paths.wait(request, unsent=self._sent, tick=self.tick, origin_ns=0)
-        deadline = time.monotonic() + 60.0
-        while self.paths.is_loading:
-            assert time.monotonic() < deadline
-            time.sleep(0.001)
-        first = self.paths.start(self.tick, self.plant.position.copy())
-        assert first is not None
-        self._sent = first
-        self.send_reference()
-
-    def follow(self, seconds: float) -> None:
-        """Advance, and keep the samples of the reference that were used."""
-        for _ in range(round(seconds / self.period)):
-            self.step()
-            self.used.append(np.array(self.core.windows.at(self.timing.stamp(self.tick - 1))))
-            self.reached.append(self.plant.true_position.copy())
 
 
 def request(draw: Generator, loop: Followed, eight: Trajectory) -> PathRequest:
@@ -103,37 +69,108 @@ def request(draw: Generator, loop: Followed, eight: Trajectory) -> PathRequest:
     return PathRequest('poses', PosePoints(of_base, places, quaternions, None), None)
 
 
-@pytest.mark.parametrize('scale', [0.5, 2.0])
-def test_random_paths_reference_is_smooth_and_followed(scale: float) -> None:
-    values = node_values(
-        {'control_period': PERIOD, 'duration': 0.0},
-        plant={'command_delay': LATENCY},
+def values_of(
+    scale: float,
+    shared: dict[str, Any],
+    plant: dict[str, Any] | None = None,
+    **control: Any,
+) -> dict[str, dict[str, Any]]:
+    """Return the values of nodes with 10 ms of latency whose masses are assumed `scale` times."""
+    return node_values(
+        {'control_period': PERIOD, 'duration': 0.0, **shared},
+        plant={'command_delay': LATENCY, **(plant or {})},
         trajectory={'horizon': 1.0},
         controller={
             'law': 'rasmc', 'switching': 'implicit', 'observer_gain': 0.55, 'latency': LATENCY,
-            'model_scale': scale, 'runaway_detection': False,
+            'model_scale': scale, 'runaway_detection': False, **control,
         },
     )
+
+
+@pytest.mark.parametrize('scale', [0.5, 2.0])
+def test_random_paths_reference_is_smooth_and_followed(scale: float) -> None:
+    values = values_of(scale, {})
     loop = Followed(values)
     robot = loop.controller.robot
     eight = Trajectory({**values['trajectory'], 'type': 'figure_eight'}, PERIOD, robot)
     draw = np.random.default_rng(7)
     loop.follow(SETTLED * PERIOD)
-    rejected = 0
-    for number in range(COUNT // 2):
-        try:
-            loop.take(request(draw, loop, eight))
-        except InputError as error:
-            rejected += 1
-            assert '\n' not in str(error)
-        loop.follow(draw.uniform(0.1, 1.5))
-        assert loop.state == 'active', (number, loop.reports[-3:])
-    samples, positions = np.array(loop.used), np.array(loop.reached)
-    assert np.isfinite(samples).all()
+    rejected = loop.take_random(COUNT // 2, lambda: request(draw, loop, eight), draw, 1.5)
     assert rejected < 0.05 * COUNT
-    x, velocity, _ = np.split(samples, 3, axis=1)
-    step = np.diff(x, axis=0) - 0.5 * PERIOD * (velocity[1:] + velocity[:-1])
-    assert np.abs(step).max() < 1e-5
-    # A position is that after the period.
-    error = robot.task_positions(positions)[:-1] - x[1:]
-    assert np.linalg.norm(error[SETTLED:].reshape(-1, 2, 2), axis=2).max() < LARGEST_ERROR
+    error = loop.errors()[SETTLED:]
+    assert np.linalg.norm(error.reshape(-1, 2, 2), axis=2).max() < LARGEST_ERROR
+
+
+RANGES, SPEED, EFFORTS = np.array([[-1.2, 1.0], [0.3, 2.2]]), 1.0, (16.0, 3.0)
+"""Limits of an arm in rad, rad/s and N·m; gravity takes up to 12 and 1.5 N·m."""
+
+ARM = slice(6, 8)
+"""Coordinates of the arm, after those of the base and of its three drives."""
+
+
+def request_in_limits(draw: Generator, loop: Followed, line: Trajectory) -> PathRequest:
+    """Return a random path of an omnidirectional base and an arm, up to the limits of the arm."""
+    position = loop.plant.true_position
+    kind = draw.integers(8)
+    if kind == 0:
+        return PathRequest('stop', None, None)
+    if kind == 1:
+        speeds = draw.uniform(-0.3, 0.3, 2)
+        return PathRequest('velocities', TwistPoints(*speeds, draw.uniform(-0.6, 0.6)), None)
+    if kind == 2:
+        return PathRequest('type', line, None)
+    count = int(draw.integers(1, 5))
+    if kind == 3:
+        angles = draw.uniform(-np.pi, np.pi, count)
+        quaternions = np.column_stack([
+            np.zeros((count, 2)), np.sin(0.5 * angles), np.cos(0.5 * angles)
+        ])
+        places = np.column_stack([
+            position[:2] + draw.uniform(-1.0, 1.0, (count, 2)), np.zeros(count)
+        ])
+        return PathRequest('poses', PosePoints(True, places, quaternions, None), None)
+    # The whole range and a little more, and times down to the speed limit and a little below.
+    lower, upper = RANGES.T
+    points = 0.5 * (lower + upper) + 0.51 * (upper - lower) * draw.uniform(-1.0, 1.0, (count, 2))
+    columns = np.arange(ARM.start, ARM.stop)
+    if kind == 4:
+        # Base and arm in one message.
+        columns = np.append(np.arange(3), columns)
+        places = position[:3] + draw.uniform(-0.3, 0.3, (count, 3))
+        points = np.column_stack([places, points])
+    way = np.abs(np.diff(points, axis=0, prepend=position[None, columns])).max(axis=1)
+    times = np.cumsum((0.1 + 1.9 * way / SPEED) * draw.uniform(0.95, 1.5, count))
+    return PathRequest('joints', JointPoints(columns, times, points, None, None), None)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('scale', [0.5, 2.0])
+def test_random_paths_stay_within_limits(scale: float) -> None:
+    urdf = limited_arm(tuple(RANGES[0]), tuple(RANGES[1]), SPEED, EFFORTS)
+    values = values_of(
+        scale,
+        {
+            'robot.urdf': urdf, 'robot.base': 'omnidirectional', 'robot.task': ('joints', 'base'),
+            'robot.posture': (0.0, 1.0),
+        },
+        {'initial_joints': (0.0, 0.0, 0.0, 0.0, 1.0)},
+        joint_limits='enforce',
+    )  # fmt: skip
+    loop = Followed(values)
+    line = Trajectory(values['trajectory'], PERIOD, loop.controller.robot)
+    draw = np.random.default_rng(8)
+    loop.follow(SETTLED * PERIOD)
+    rejected = loop.take_random(COUNT // 2, lambda: request_in_limits(draw, loop, line), draw, 4.0)
+    # Most paths are possible, and some are not.
+    assert 0 < rejected < 0.4 * COUNT
+    position, speed, torque = map(np.array, (loop.reached, loop.speeds, loop.torques))
+    assert (position[:, ARM] >= RANGES[:, 0]).all()
+    assert (position[:, ARM] <= RANGES[:, 1]).all()
+    assert (np.abs(speed[:, -2:]) <= SPEED).all()
+    assert (np.abs(torque[:, -2:]) <= EFFORTS).all()
+    # Of the base in m, of angles in rad. While a path joins the one before, it may be faster
+    # than a joint, which then lags.
+    error = loop.errors()[SETTLED:]
+    (heading,) = (point.axes for point in loop.controller.mechanism.points if point.is_rotation)
+    error[:, heading] = np.remainder(error[:, heading] + np.pi, 2.0 * np.pi) - np.pi
+    assert np.abs(error).max() < LARGEST_LAG
