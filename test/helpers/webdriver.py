@@ -53,6 +53,13 @@ _LOOK = """
     } while (performance.now() - changed < 300);
   };
   while (!document.documentElement.dataset.drawn) await frame();
+  // Plots are drawn when they come near the window.
+  for (const plot of document.querySelectorAll('.plot')) {
+    plot.scrollIntoView();
+    while (!plot.data) await frame();
+  }
+  scrollTo(0, 0);
+  await settle();
 %s
   found.problems = problems;
   const element = document.createElement('pre');

@@ -45,6 +45,10 @@ def row(rms: float | None, variation: float | None = 10.0) -> Metrics:
             'a and b track the end effector equally well: 2.00 mm and 2.01 mm RMS.',
         ),
         (
+            {'a': row(0.002), 'b': row(0.00201), 'c': row(0.00203)},
+            'Of 3 runs, all track the end effector equally well: 2.00 mm (a) to 2.03 mm RMS.',
+        ),
+        (
             {'a': row(0.002, 1e5), 'b': row(0.02)},
             'a tracks the end effector 10 times better than b (2.00 mm and 20.0 mm RMS), at 10000'
             ' times the torque variation.',

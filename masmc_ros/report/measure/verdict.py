@@ -58,6 +58,12 @@ def _compared(
     last, worst = known[-1]
     of_all = f'Of {len(rows)} runs, ' if len(rows) > 2 else ''
     sentence = f'{of_all}{first} tracks the {_plain(point)}'
+    if len(known) > 2 and last <= _EQUAL * best:
+        all_runs = 'all' if len(known) == len(rows) else f'the {len(known)} with errors'
+        return (
+            f'{of_all}{all_runs} track the {_plain(point)} equally well: '
+            f'{_small(best, point)} ({first}) to {_small(last, point)} RMS.'
+        )
     if second <= _EQUAL * best:
         if len(known) == 2:
             also = f'{first} and {following} track the {_plain(point)} equally well'

@@ -1,7 +1,9 @@
 'use strict';
 (() => {
-  // Drawn plots; those of a run among many are added when the run is opened.
+  // Drawn plots, and what those have that are drawn when they come near the window: a plot takes
+  // as long as everything else of the page. Those of a run among many are added when it is opened.
   const charts = [];
+  const undrawn = new Map();
   const overTime = [];
   const span = [0, Number(document.querySelector('main').dataset.span)];
   let view = span; // the stretch of time of all plots
@@ -96,10 +98,9 @@
     });
   };
 
-  const draw = async (chart) => {
+  const prepare = async (chart) => {
     const { data, layout } = JSON.parse(document.getElementById(`${chart.id}-data`).textContent);
     const isOverTime = chart.classList.contains('over-time');
-    if (isOverTime) layout.xaxis.range = [...view];
     const drawn = data.filter((trace) => trace.meta.samples);
     const samples = drawn.map((trace) => lines.read(trace.meta.samples, isOverTime));
     const marks = data.find((trace) => trace.mode === 'markers+text');
@@ -121,8 +122,16 @@
         layout[`${axis}axis`].range = lines.extent(all);
       }
     }
+    undrawn.set(chart, { data, layout });
+  };
+  // Without a wait: also before the page is printed.
+  const draw = (chart) => {
+    const { data, layout } = undrawn.get(chart);
+    const { isOverTime, traces } = held.get(chart);
+    undrawn.delete(chart);
+    if (isOverTime) layout.xaxis.range = [...view];
     const found = seen(chart, layout);
-    found.forEach((line, i) => Object.assign(drawn[i], line));
+    found.forEach((line, i) => Object.assign(data[traces[i]], line));
     if (held.get(chart).hasPeaks) {
       const { 'yaxis.range': range, annotations } = ordinate(chart, found, isWhole(chart, view));
       Object.assign(layout, { annotations });
@@ -131,7 +140,15 @@
     name(chart, { data, layout }, layout.xaxis.range);
     paint(data, layout);
     if (isTouched) layout.dragmode = false;
-    return Plotly.newPlot(chart, data, layout, config);
+    Plotly.newPlot(chart, data, layout, config);
+    link(chart);
+    charts.push(chart);
+    if (isOverTime) {
+      overTime.push(chart);
+      cursor.attach(chart, (each) => held.get(each));
+    } else if (layout.meta?.robot) {
+      replay.attach(chart, layout.meta.robot, cursor.show);
+    }
   };
   const redraw = (chart, change, keepsOrdinate) => {
     const range = change['xaxis.range'] ?? chart.layout.xaxis.range;
@@ -173,18 +190,27 @@
       Plotly.redraw(chart);
     }
   };
-  // One plot after the other: those at the top are seen first.
+  // The page answers in between.
+  const pause = () => new Promise((go) => setTimeout(go));
+  const NEAR = 600; // Pixels from the window.
+  const near = new IntersectionObserver(
+    (entries) => {
+      for (const { target, isIntersecting } of entries) {
+        if (!isIntersecting) continue;
+        near.unobserve(target);
+        pause().then(() => undrawn.has(target) && draw(target));
+      }
+    },
+    { rootMargin: `${NEAR}px 0px` },
+  );
+  // Plots at the top first.
   const add = async (added) => {
     for (const chart of added) {
-      await draw(chart);
-      link(chart);
-      charts.push(chart);
-      if (chart.classList.contains('over-time')) {
-        overTime.push(chart);
-        cursor.attach(chart, (each) => held.get(each));
-      } else if (chart.layout.meta?.robot) {
-        await replay.attach(chart, chart.layout.meta.robot, cursor.show);
-      }
+      await prepare(chart);
+      await pause();
+      const { top, bottom } = chart.getBoundingClientRect();
+      if (top >= innerHeight || bottom <= 0) near.observe(chart);
+      else if (undrawn.has(chart)) draw(chart);
     }
     document.documentElement.dataset.drawn = charts.length;
   };
@@ -221,6 +247,7 @@
   const print = (isPrinted) => {
     if (!document.documentElement.dataset.drawn) return;
     document.documentElement.classList.toggle('printed', isPrinted);
+    [...undrawn.keys()].forEach(draw);
     repaint();
     for (const chart of charts) {
       const { width, height } = chart._fullLayout;
