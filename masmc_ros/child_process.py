@@ -1,10 +1,11 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Command of a Python process that this process starts."""
+"""Python processes that this process starts: their command, and how many are useful."""
 
 from __future__ import annotations
 
+import os
 import sys
 
 
@@ -16,3 +17,10 @@ def module_command(module: str, *arguments: str) -> list[str]:
     would replace the package of this name. Installed packages and PYTHONPATH are used.
     """
     return [sys.executable, '-P', '-m', module, *arguments]
+
+
+def processors() -> int:
+    """Return the number of processors that this process may use."""
+    if hasattr(os, 'sched_getaffinity'):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

@@ -14,10 +14,10 @@ from masmc_ros.api.settings import whole
 from masmc_ros.campaign.campaign import campaign_of
 from masmc_ros.campaign.draws import draw as parsed_draw
 from masmc_ros.campaign.summary import metric_named
-from masmc_ros.campaign.threads import processors
 from masmc_ros.campaign.tune import Evaluation, FORM, searched, tuned, Tuning, variables_of
 from masmc_ros.campaign.tuned_file import BaseFile
 from masmc_ros.campaign.variable import Variable
+from masmc_ros.child_process import processors
 from masmc_ros.errors import InputError
 from masmc_ros.output_files import write_file
 from masmc_ros.params.declaration import Values

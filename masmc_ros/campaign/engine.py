@@ -14,7 +14,8 @@ from masmc_ros.campaign import threads as threads_of_process
 from masmc_ros.campaign.campaign import Campaign
 from masmc_ros.campaign.part import Rows
 from masmc_ros.campaign.runs import Description
-from masmc_ros.campaign.threads import Part, processors
+from masmc_ros.campaign.threads import Part
+from masmc_ros.child_process import processors
 from masmc_ros.output_files import check_folder
 
 if TYPE_CHECKING:

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Generator, Iterable
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from itertools import islice
-import os
 from threading import Event
 
 from masmc_ros.campaign.part import Rows, rows
@@ -16,13 +15,6 @@ from masmc_ros.campaign.runs import Description
 
 Part = tuple[int, int]
 """First run and number of runs."""
-
-
-def processors() -> int:
-    """Return the number of processors that this process may use."""
-    if hasattr(os, 'sched_getaffinity'):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def computed(

@@ -12,14 +12,17 @@ import gc
 import gzip
 import json
 from pathlib import Path
+from threading import Event
 from typing import Any
 import weakref
 
+from helpers.logged_runs import numbers, write_run
 from helpers.report_html import Page
 from helpers.report_runs import run_of, ticks
 from helpers.webdriver import browser, needs_webdriver
-from masmc_ros.log.read.reader import Run
-from masmc_ros.report.digest import compared_runs, digests_of
+from masmc_ros.errors import InputError
+from masmc_ros.log.read.reader import read_run, Run
+from masmc_ros.report.digest import compared_runs, digests_of, LogRuns
 from masmc_ros.report.report import write_report
 import numpy as np
 import pytest
@@ -111,6 +114,33 @@ def test_report_page_many_runs_sections_are_compressed(report: Path) -> None:
         content = gzip.decompress(base64.b64decode(packed.text)).decode()
         assert f'{gain}.mcap: {len(TIMES)} states' in content
         assert Page(content).figures()[1].endswith('-error_E')
+
+
+def test_report_of_many_logs_read_in_two_processes_is_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    paths = [str(tmp_path / f'{count}.mcap') for count in range(40, 48)]
+    for count, path in enumerate(paths, 40):
+        write_run(Path(path), numbers(count))
+    monkeypatch.setattr('masmc_ros.report.digest.processors', lambda: 2)
+    is_helped, read = Event(), list[str]()
+
+    def read_later(path: str) -> Run:
+        # The other process has time to start.
+        assert is_helped.wait(60.0)
+        read.append(path)
+        return read_run(path)
+
+    monkeypatch.setattr('masmc_ros.report.digest.read_run', read_later)
+    found = digests_of(LogRuns(paths, is_helped.set))
+    assert paths[0] in read
+    assert len(read) < len(paths)
+    alone = digests_of([read_run(path) for path in paths])
+    for one, other in zip(found, alone, strict=True):
+        assert repr(one) == repr(other)
+    Path(paths[5]).write_bytes(Path(paths[5]).read_bytes()[:5000])
+    with pytest.raises(InputError, match=r'45\.mcap'):
+        digests_of(LogRuns(paths, lambda: None))
 
 
 def test_compared_runs_contain_best_and_worst() -> None:
