@@ -12,6 +12,12 @@ from masmc_ros.aliases import Records
 from masmc_ros.loop import closed_loop
 from masmc_ros.loop.signals import inputs
 from masmc_ros.loop.simulation import Simulation
+from masmc_ros.loop.supervision import (
+    is_supervised,
+    supervision_end,
+    supervision_record,
+    supervision_start,
+)
 from masmc_ros.reference.line_sine import line_sine
 from numba import carray, cfunc, from_dtype, types
 
@@ -29,7 +35,12 @@ class Entry(NamedTuple):
     description: str
 
 
-LIBRARY = ('control_tick', 'settings_changed', 'plant_start', 'plant_tick', 'plant_hold')
+SUPERVISION = ('supervision_start', 'supervision_end')
+"""Functions of a library with commanded torques."""
+
+LIBRARY = (
+    'control_tick', 'settings_changed', *SUPERVISION, 'plant_start', 'plant_tick', 'plant_hold',
+)  # fmt: skip
 """Functions of a library."""
 
 PLANT = ('plant_start', 'plant_tick', 'sample_line_sine')
@@ -39,10 +50,13 @@ PLANT = ('plant_start', 'plant_tick', 'sample_line_sine')
 def records_of(simulation: Simulation) -> dict[str, Records]:
     """Return the records of a simulation by their names in C."""
     controller, plant = simulation.controller, simulation.plant
-    return {
+    records = {
         'settings': controller.settings, 'memory': controller.memory, 'signals': plant.signals,
         'plant_settings': plant.settings, 'plant_memory': plant.memory,
     }  # fmt: skip
+    if is_supervised(controller.values):
+        records['supervision'] = supervision_record(controller, controller.values)
+    return records
 
 
 def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[str, Entry]:
@@ -57,9 +71,12 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
     line = simulation.plant.delayed.shape
     # Flags are whole numbers: other bits of a register with a bool of Numba are not defined.
     number, vector = types.int64, types.CPointer(types.float64)
+    records = records_of(simulation)
     kinds = {
         'int64_t': number, 'double': types.float64, 'const double *': vector, 'double *': vector,
-        **{name: _pointer(record) for name, record in records_of(simulation).items()},
+        **dict.fromkeys(('int64_t stamp', 'int64_t now', 'int64_t has_reference'), number),
+        'int64_t status': number, **{name: _pointer(record) for name, record in records.items()},
+        'const memory': _pointer(records['memory']),
     }  # fmt: skip
     tick, changed, start = (
         closed_loop.control_tick, closed_loop.post_update, closed_loop.plant_start
@@ -68,7 +85,7 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
 
     def exported(name: str, text: str, *arguments: str) -> Callable[[Callable[..., int]], None]:
         def decorate(function: Callable[..., int]) -> None:
-            if name not in names:
+            if name not in names or not set(arguments) <= kinds.keys():
                 return
             signature = number(*(kinds[argument] for argument in arguments))
             compiled = cfunc(signature, error_model='numpy')(function)
@@ -101,6 +118,42 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
     def _(settings: Pointer, memory: Pointer) -> int:
         changed(carray(settings, 1), carray(memory, 1))
         return 0
+
+    @exported(
+        'supervision_start',
+        'First part of a supervised tick; 1 if the law is to be computed, see supervised_tick.',
+        'supervision', 'const memory', 'settings', 'memory', 'int64_t stamp', 'int64_t now',
+        *('const double *',) * 3, 'int64_t has_reference',
+    )  # fmt: skip
+    def _(
+        supervision: Pointer,
+        initial: Pointer,
+        settings: Pointer,
+        memory: Pointer,
+        stamp: int,
+        now: int,
+        position: Pointer,
+        velocity: Pointer,
+        reference: Pointer,
+        has_reference: int,
+    ) -> int:
+        return supervision_start(
+            carray(supervision, 1), carray(initial, 1), carray(settings, 1), carray(memory, 1),
+            stamp, now, carray(position, positions), carray(velocity, velocities),
+            carray(reference, desired), has_reference,
+        )  # fmt: skip
+
+    @exported(
+        'supervision_end', 'Last part of a supervised tick, with the status of control_tick.',
+        'supervision', 'settings', 'memory', 'signals', 'int64_t status',
+    )  # fmt: skip
+    def _(
+        supervision: Pointer, settings: Pointer, memory: Pointer, signals: Pointer, status: int
+    ) -> int:
+        return supervision_end(
+            carray(supervision, 1), carray(settings, 1), carray(memory, 1), carray(signals, 1),
+            status,
+        )  # fmt: skip
 
     @exported(
         'plant_start', 'Write the state of tick 0 into the signals.',

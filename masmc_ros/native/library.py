@@ -22,7 +22,8 @@ from masmc_ros.loop.closed_loop import NOT_FINITE, SINGULAR
 from masmc_ros.loop.records import read_by
 from masmc_ros.loop.signals import inputs, SIGNALS
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.native.entries import entries, Entry, records_of
+from masmc_ros.loop.supervision import NAMES, PROGRAM_FIELDS
+from masmc_ros.native.entries import entries, Entry, records_of, SUPERVISION
 from masmc_ros.native.object_code import archive, merged, object_of
 from masmc_ros.native.targets import Target
 from masmc_ros.output_files import check_absent, make_folder, write_file
@@ -170,6 +171,10 @@ def _described(
     descriptions = {
         'settings': {field: _sentence(parameter) for field, parameter in parameters.items()},
         'signals': signals,
+        'supervision': {
+            field.name: f'{field.description}{", " * bool(field.unit)}{field.unit}'
+            for field in PROGRAM_FIELDS
+        },
     }
     assert simulation.timing.last is not None
     return {
@@ -185,6 +190,7 @@ def _described(
         )),
         'delay_line': plant.delayed.size,
         'statuses': {'SINGULAR': SINGULAR, 'NOT_FINITE': NOT_FINITE},
+        'supervision': NAMES if set(SUPERVISION) <= found.keys() else {},
         'points': mechanism.points,
         'parameters': parameters,
         'records': [
@@ -234,6 +240,10 @@ def _arguments(name: str, kinds: Sequence[str]) -> str:
             named.append(f'{kind}delay_line')
         elif kind == 'int64_t':
             named.append(f'{kind} tick')
+        elif kind.startswith('int64_t '):
+            named.append(kind)
+        elif kind.startswith('const '):
+            named.append(f'const {name}_{kind[6:]} *initial')
         else:
             constant = 'const ' if kind.endswith('settings') else ''
             named.append(f'{constant}{name}_{kind} *{kind}')
