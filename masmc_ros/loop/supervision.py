@@ -25,10 +25,9 @@ from masmc_ros.jit.tuples import elementwise, joined, tail, thirds
 from masmc_ros.law.command_interface import COMMAND_INTERFACE, COMMAND_INTERFACES, EFFORT
 from masmc_ros.law.parts.delay_compensation import note_skipped
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED
-from masmc_ros.loop import safe_stop
+from masmc_ros.loop import fault_rules, safe_stop
 from masmc_ros.loop.closed_loop import NOT_FINITE
 from masmc_ros.loop.controller import Controller
-from masmc_ros.loop.fault_rules import is_overdue, recovers, takes_fault
 from masmc_ros.messages.stamp_order import state_timeout
 from masmc_ros.numerics.scalars import nearest, zero
 from masmc_ros.params.declaration import Values
@@ -53,6 +52,10 @@ NAMES = {
     'VOID': VOID, 'GRAVITY': GRAVITY, 'HOLD': HOLD,
 }  # fmt: skip
 """Numbers of modes, causes, requests and values of `fault_action`, by their names in C."""
+
+_is_overdue = formula(fault_rules.is_overdue)
+_recovers = formula(fault_rules.recovers)
+_takes_fault = formula(fault_rules.takes_fault)
 
 _BALANCE_NS = round(1e9 * safe_stop.BALANCE_TIME)
 _UNFOLDING_NS = round(1e9 * safe_stop.UNFOLDING_TIME)
@@ -199,7 +202,7 @@ def supervision_start(
         is_watched = state.mode == ACTIVE or (state.active_action != VOID and state.is_stale == 0)
         if state.has_state == 0:
             return 0
-        if is_watched and is_overdue(now, state.arrival, state.state_timeout):
+        if is_watched and _is_overdue(now, state.arrival, state.state_timeout):
             _take_fault(state, STATES, 0)
             state.is_stale, state.lost = 1, now
             _start_stop(state, gains, before, BALANCE if _stop_action(state) != VOID else VOID)
@@ -214,19 +217,19 @@ def supervision_start(
     state.has_state, state.stamp, state.arrival = 1, stamp, now
     state.measured = to_vector(position, state.measured)
     state.measured_rates = to_vector(velocity, state.measured)
-    if recovers(state.mode == FAULT, state.is_latched != 0, state.cause == STATES):
+    if _recovers(state.mode == FAULT, state.is_latched != 0, state.cause == STATES):
         state.mode, state.cause, state.restarts = ACTIVE, 0, 1
     has_sample = has_reference != 0 and _is_finite(reference)
     if has_sample:
         state.is_held = 0
-        if recovers(state.mode == FAULT, state.is_latched != 0, state.cause == REFERENCE):
+        if _recovers(state.mode == FAULT, state.is_latched != 0, state.cause == REFERENCE):
             state.mode, state.cause, state.restarts = ACTIVE, 0, 1
     elif state.mode != ACTIVE:
         state.is_held = 0
     elif state.has_reference != 0:
         if state.is_held == 0:
             state.is_held, state.held_since = 1, now
-        if state.reference_timeout > 0 and is_overdue(
+        if state.reference_timeout > 0 and _is_overdue(
             now, state.held_since, state.reference_timeout
         ):
             _take_fault(state, REFERENCE, 0)
@@ -334,7 +337,7 @@ def _process_request(state: Any, now: int) -> None:
 @formula
 def _take_fault(state: Any, cause: int, latches: int) -> None:
     is_latched_fault = state.mode == FAULT and state.is_latched != 0
-    if takes_fault(state.mode == ACTIVE, is_latched_fault, latches != 0):
+    if _takes_fault(state.mode == ACTIVE, is_latched_fault, latches != 0):
         state.mode, state.cause, state.is_latched = FAULT, cause, latches
 
 

@@ -25,6 +25,7 @@ from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.supervision import NAMES, PROGRAM_FIELDS
 from masmc_ros.native.entries import entries, Entry, records_of, SUPERVISION
 from masmc_ros.native.object_code import archive, merged, object_of
+from masmc_ros.native.ros2_control import check_supervised, package_contents, package_name
 from masmc_ros.native.targets import Target
 from masmc_ros.output_files import check_absent, make_folder, write_file
 from masmc_ros.params.declaration import Parameter, Values
@@ -62,6 +63,7 @@ def write_library(
     targets: Mapping[str, Target],
     *,
     overwrite: bool,
+    ros2_control: bool = False,
 ) -> list[Path]:
     """
     Write the library of a scenario, and return the files.
@@ -78,6 +80,8 @@ def write_library(
         Processors by name, see `targets.TARGETS`.
     overwrite
         True to replace existing files.
+    ros2_control
+        True to add the package of a controller for ros2_control.
 
     Raises
     ------
@@ -95,8 +99,11 @@ def write_library(
         'makefile': folder / 'Makefile',
         **{target: folder / target / f'lib{name}.a' for target in targets},
     }
-    for path in paths.values():
+    package = folder / package_name(name)
+    for path in (*paths.values(), *([package] if ros2_control else ())):
         check_absent(path, overwrite=overwrite)
+    if ros2_control:
+        check_supervised(values['controller'])
     simulation = exported_simulation(values, 'a library')
     found = entries(simulation)
     functions = {f'{name}_{entry}': function.compiled for entry, function in found.items()}
@@ -114,10 +121,17 @@ def write_library(
         'description': _json(described, simulation).encode(),
         'reference': reference.astype('<f8').tobytes(),
     }
-    for key, path in paths.items():
+    files = {path: contents[key] for key, path in paths.items()}
+    if ros2_control:
+        added = package_contents(
+            described, values['controller'], _filled,
+            {target: contents[target] for target in targets}, contents['reference'],
+        )  # fmt: skip
+        files |= {package / path: content for path, content in added.items()}
+    for path, content in files.items():
         make_folder(path.parent)
-        write_file(path, contents[key])
-    return list(paths.values())
+        write_file(path, content)
+    return list(files)
 
 
 def exported_simulation(values: Mapping[str, Values], product: str) -> Simulation:

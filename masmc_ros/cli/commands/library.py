@@ -33,6 +33,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--target', action='append', choices=tuple(TARGETS), metavar='TARGET', help=text
     )
+    text = 'add the package of a controller for ros2_control, in the folder NAME_controller'
+    parser.add_argument('--ros2-control', action='store_true', help=text)
     add_overwrite(parser)
     add_json(parser)
 
@@ -47,7 +49,10 @@ def run(options: argparse.Namespace) -> int:
 
     targets = {target: TARGETS[target] for target in options.target or _DEFAULT}
     folder = Path(options.output)
-    paths = write_library(folder, name, scenario, targets, overwrite=options.overwrite)
+    paths = write_library(
+        folder, name, scenario, targets, overwrite=options.overwrite,
+        ros2_control=options.ros2_control,
+    )  # fmt: skip
     print(with_sizes(paths, as_json=options.json))
     if not options.json:
         print(f'Try it: make -C {folder} && cd {folder} && ./example')
