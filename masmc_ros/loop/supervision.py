@@ -28,7 +28,6 @@ from masmc_ros.law.parts.velocity_estimator import ESTIMATED
 from masmc_ros.loop import fault_rules, safe_stop
 from masmc_ros.loop.closed_loop import NOT_FINITE
 from masmc_ros.loop.controller import Controller
-from masmc_ros.messages.stamp_order import state_timeout
 from masmc_ros.numerics.scalars import nearest, zero
 from masmc_ros.params.declaration import Values
 from masmc_ros.reference import approach
@@ -127,9 +126,9 @@ def is_supervised(values: Values) -> bool:
     return interface == COMMAND_INTERFACES[EFFORT]
 
 
-def supervision_record(controller: Controller, values: Values) -> Records:
-    """Return the record (1) of a supervision at its start, active without a state."""
-    kind = controller.mechanism
+def supervision_record(controller: Controller, state_timeout: float) -> Records:
+    """Return the record (1) at the start: active, without a state; the timeout is in s."""
+    kind, values = controller.mechanism, controller.values
     record = new_record(FIELDS, kind.sizes, 1, {'mechanism': kind.tag})
     for name, value in (
         ('geometry', controller.robot.geometry),
@@ -137,7 +136,7 @@ def supervision_record(controller: Controller, values: Values) -> Records:
         ('delay', values['latency'] + values['motor_lag']),
         ('fault_action', (safe_stop.VOID, safe_stop.GRAVITY, safe_stop.HOLD).index(
             values['fault_action'])),
-        ('state_timeout', round(1e9 * state_timeout(values))),
+        ('state_timeout', round(1e9 * state_timeout)),
         ('reference_timeout', round(1e9 * values['reference_timeout'])),
         ('approach_speed', values['approach_speed']),
         ('mode', ACTIVE),

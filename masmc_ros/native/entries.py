@@ -18,6 +18,7 @@ from masmc_ros.loop.supervision import (
     supervision_record,
     supervision_start,
 )
+from masmc_ros.messages.stamp_order import state_timeout
 from masmc_ros.reference.line_sine import line_sine
 from numba import carray, cfunc, from_dtype, types
 
@@ -55,7 +56,9 @@ def records_of(simulation: Simulation) -> dict[str, Records]:
         'plant_settings': plant.settings, 'plant_memory': plant.memory,
     }  # fmt: skip
     if is_supervised(controller.values):
-        records['supervision'] = supervision_record(controller, controller.values)
+        records['supervision'] = supervision_record(
+            controller, state_timeout(controller.values)
+        )
     return records
 
 

@@ -14,6 +14,7 @@ from masmc_ros.jit.record import fill
 from masmc_ros.loop import supervision
 from masmc_ros.loop.closed_loop import control_tick, NOT_FINITE
 from masmc_ros.loop.controller import Controller
+from masmc_ros.messages.stamp_order import state_timeout
 import numpy as np
 import pytest
 
@@ -35,9 +36,10 @@ class Supervised:
         """Initialise at the start of a run."""
         controller.reset()
         self.controller, self.initial = controller, controller.memory.copy()
-        self.record = supervision.supervision_record(controller, controller.values)
         # The core looks twice for missing states, because its node may have been late.
-        self.record['state_timeout'] += round(1e9 * SECOND_LOOK)
+        self.record = supervision.supervision_record(
+            controller, state_timeout(controller.values) + SECOND_LOOK
+        )
 
     def tick(self, stamp: int, now: int, *arrays: Any, has_reference: bool) -> int:
         controller, record = self.controller, self.record
