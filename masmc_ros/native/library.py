@@ -297,7 +297,10 @@ def _json(described: Mapping[str, Any], simulation: Simulation) -> str:
         }
         for record in described['records']
     }
-    names = ('name', 'version', 'law', 'switching', 'period', 'sizes', 'delay_line', 'statuses')
+    names = (
+        'name', 'version', 'law', 'switching', 'period', 'sizes', 'delay_line', 'statuses',
+        'supervision',
+    )  # fmt: skip
     return json_text({
         **{key: described[key] for key in names},
         'parameters': parameters,

@@ -14,6 +14,7 @@ from masmc_ros.errors import InputError
 from masmc_ros.loop.supervision import is_supervised
 from masmc_ros.params.declaration import Parameter, Values
 from masmc_ros.robot.joint_names import driven_joint_names, joint_names
+from masmc_ros.robot.mechanisms import mechanism_from
 
 _KINDS = {'bool': 'kBool', 'integer': 'kInteger', 'string': 'kInteger'}
 
@@ -39,11 +40,11 @@ class _Gain(NamedTuple):
 
 
 def check_supervised(values: Values) -> None:
-    """Raise InputError for parameter values of a controller that commands no torques."""
-    if not is_supervised(values):
+    """Raise InputError for a robot or parameter values without a compiled supervision."""
+    if not is_supervised(mechanism_from(values), values):
         raise InputError(
-            f'command_interface = {values["command_interface"]}: expected effort, the only'
-            ' command interface of a controller for ros2_control'
+            f'command_interface = {values["command_interface"]}: a controller for ros2_control'
+            " needs effort, and the paper's robot instead of one from a URDF"
         )
 
 
