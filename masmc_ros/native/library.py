@@ -23,7 +23,7 @@ from masmc_ros.loop.records import read_by
 from masmc_ros.loop.signals import inputs, SIGNALS
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.supervision import NAMES, PROGRAM_FIELDS
-from masmc_ros.native.entries import entries, Entry, records_of, SUPERVISION
+from masmc_ros.native.entries import entries, Entry, LIBRARY, records_of, SUPERVISION
 from masmc_ros.native.object_code import archive, merged, object_of
 from masmc_ros.native.ros2_control import check_supervised, package_contents, package_name
 from masmc_ros.native.targets import Target
@@ -63,6 +63,7 @@ def write_library(
     targets: Mapping[str, Target],
     *,
     overwrite: bool,
+    supervised: bool = True,
     ros2_control: bool = False,
 ) -> list[Path]:
     """
@@ -80,8 +81,10 @@ def write_library(
         Processors by name, see `targets.TARGETS`.
     overwrite
         True to replace existing files.
+    supervised
+        False to leave out the supervision, which takes a third of the time.
     ros2_control
-        True to add the package of a controller for ros2_control.
+        True to add the package of a controller for ros2_control, which needs the supervision.
 
     Raises
     ------
@@ -105,7 +108,8 @@ def write_library(
     if ros2_control:
         check_supervised(values['controller'])
     simulation = exported_simulation(values, 'a library')
-    found = entries(simulation)
+    names = [entry for entry in LIBRARY if supervised or entry not in SUPERVISION]
+    found = entries(simulation, names)
     functions = {f'{name}_{entry}': function.compiled for entry, function in found.items()}
     text = merged(functions)
     contents = {
@@ -210,6 +214,7 @@ def _described(
         'records': [
             _record(key, record, descriptions.get(key, {}))
             for key, record in records_of(simulation).items()
+            if key != 'supervision' or set(SUPERVISION) <= found.keys()
         ],
         'functions': {
             entry: {

@@ -47,10 +47,14 @@ def bits_here(*settings: str) -> bytes:
     return block.signals.tobytes()
 
 
-def library(folder: Path, *settings: str, targets: tuple[str, ...] = (HOST,)) -> list[Path]:
+def library(
+    folder: Path, *settings: str, targets: tuple[str, ...] = (HOST,), supervised: bool = False
+) -> list[Path]:
     values = load_scenario(str(PAPER), settings)
     chosen = {name: TARGETS[name] for name in targets}
-    return write_library(folder, 'paper', values, chosen, overwrite=False)
+    return write_library(
+        folder, 'paper', values, chosen, overwrite=False, supervised=supervised
+    )
 
 
 @needs_compiler
@@ -75,8 +79,8 @@ def test_library_with_all_effects_has_the_bits_of_simulate(tmp_path: Path, targe
         if shutil.which(program) is None:
             pytest.skip(f'needs {program}')
     settings = 'duration=2.0', *EFFECTS
-    first = library(tmp_path / 'a', *settings, targets=(target,))
-    second = library(tmp_path / 'b', *settings, targets=(target,))
+    first = library(tmp_path / 'a', *settings, targets=(target,), supervised=True)
+    second = library(tmp_path / 'b', *settings, targets=(target,), supervised=True)
     for a, b in zip(first, second, strict=True):
         assert a.read_bytes() == b.read_bytes()
     assert bits_in_c(tmp_path / 'a', target, compiler, *runner) == bits_here(*settings)
