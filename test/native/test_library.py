@@ -27,9 +27,6 @@ EFFECTS = (
     'plant.motor_lag=0.001', 'controller.motor_lag=0.001', 'controller.latency=0.004',
     'controller.torque_limit=40.0', 'controller.leakage=0.1',
 )  # fmt: skip
-ON_HEAP = {'null_space', 'concurrent_learning'}
-"""Laws whose matrices are on the heap."""
-
 needs_compiler = pytest.mark.skipif(shutil.which('cc') is None, reason='needs a C compiler')
 
 
@@ -87,13 +84,8 @@ def test_library_with_all_effects_has_the_bits_of_simulate(tmp_path: Path, targe
 @pytest.mark.parametrize('law', LAWS)
 def test_library_of_every_law_has_the_bits_of_simulate(tmp_path: Path, law: str) -> None:
     settings = 'duration=0.5', f'controller.law={law}', 'controller.switching=tanh'
-    if law in ON_HEAP:
-        with pytest.raises(InputError, match='memory of the system'):
-            library(tmp_path, *settings)
-        assert not list(tmp_path.iterdir())
-    else:
-        library(tmp_path, *settings)
-        assert bits_in_c(tmp_path, HOST, 'cc') == bits_here(*settings)
+    library(tmp_path, *settings)
+    assert bits_in_c(tmp_path, HOST, 'cc') == bits_here(*settings)
 
 
 @pytest.mark.parametrize(
