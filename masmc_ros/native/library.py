@@ -112,6 +112,11 @@ def write_library(
     if ros2_control:
         check_supervised(values['controller'])
     simulation = exported_simulation(values, 'a library')
+    if ros2_control and 'supervision' not in records_of(simulation):
+        raise InputError(
+            'robot.urdf: the compiled supervision has no records of robots from URDF files;'
+            " expected the paper's robot for a controller for ros2_control"
+        )
     found = entries(simulation)
     functions = {f'{name}_{entry}': function for entry, function in found.items()}
     text = merged(functions)

@@ -151,8 +151,8 @@ def _simulation(values: Mapping[str, Values]) -> Simulation:
     simulation = exported_simulation(values, 'a page')
     if simulation.plant.mechanism is not mechanisms.DEFAULT:
         raise InputError(
-            f'robot.mechanism = {simulation.plant.mechanism.name}: a page draws'
-            f' {mechanisms.DEFAULT.name} only'
+            "robot.urdf: a page draws the paper's robot only; expected the lengths and masses of"
+            ' robot.*'
         )
     path = values['trajectory']['type']
     if path != 'line_sine':
