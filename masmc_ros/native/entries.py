@@ -9,7 +9,16 @@ from collections.abc import Callable, Collection
 from typing import Any, NamedTuple
 
 from masmc_ros.aliases import Records
+from masmc_ros.jit.generated import Compiler, generated, IrValue, IrValues, Type, Types
+from masmc_ros.jit.sized_records import (
+    has_layout,
+    LAYOUT,
+    SizedRecordsType,
+    SizedRecordType,
+    type_of,
+)
 from masmc_ros.loop import closed_loop
+from masmc_ros.loop.closed_loop import NOT_FINITE
 from masmc_ros.loop.signals import inputs
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.supervision import (
@@ -21,6 +30,7 @@ from masmc_ros.loop.supervision import (
 from masmc_ros.messages.stamp_order import state_timeout
 from masmc_ros.reference.line_sine import line_sine
 from numba import carray, cfunc, from_dtype, types
+from numba.core import cgutils
 
 Pointer = Any
 """Address of numbers or of a record in compiled code."""
@@ -34,7 +44,19 @@ class Entry(NamedTuple):
     arguments: tuple[str, ...]
     """Types of its arguments in C; the name of a record stands for a pointer to it."""
     description: str
+    failure: int
+    """Result if the kernel raises an exception, as a full memory does."""
+    layouts: tuple[bytes, ...]
+    """First bytes that the record of each argument must have; b'' for any."""
 
+
+FAILED, OTHER_RECORDS = 4, 8
+"""
+Status flags of functions of a library, always with `NOT_FINITE`.
+
+FAILED: the kernel raised an exception, because its memory was full; OTHER_RECORDS: sizes and
+places in a record are not those of the library.
+"""
 
 SUPERVISION = ('supervision_start', 'supervision_end')
 """Functions of a library with commanded torques."""
@@ -66,8 +88,8 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
     """
     Compile the named functions for the records of a simulation, and return them by name.
 
-    Each returns a whole number: the controller the flags of `closed_loop.control_tick`, the plant
-    1 if its state is finite, else 0.
+    Each returns a whole number: the controller the flags of `closed_loop.control_tick`, `FAILED`
+    and `OTHER_RECORDS`; the plant 1 if its state is finite, else 0.
     """
     signals_here = simulation.controller.signals
     positions, velocities, desired = (len(values) for values in inputs(signals_here))
@@ -81,6 +103,10 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
         'int64_t status': number, **{name: _pointer(record) for name, record in records.items()},
         'const memory': _pointer(records['memory']),
     }  # fmt: skip
+    layouts = {
+        name: record[LAYOUT][0].tobytes()
+        for name, record in records.items() if has_layout(record.dtype)
+    }  # fmt: skip
     tick, changed, start = (
         closed_loop.control_tick, closed_loop.post_update, closed_loop.plant_start
     )  # fmt: skip
@@ -88,11 +114,17 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
 
     def exported(name: str, text: str, *arguments: str) -> Callable[[Callable[..., int]], None]:
         def decorate(function: Callable[..., int]) -> None:
+            if name == 'plant_hold' and layouts:
+                return  # a second copy of the plant, which is the largest part of the code
             if name not in names or not set(arguments) <= kinds.keys():
                 return
             signature = number(*(kinds[argument] for argument in arguments))
             compiled = cfunc(signature, error_model='numpy')(function)
-            found[name] = Entry(compiled, arguments, text)
+            failure = 0 if name.startswith('plant') else NOT_FINITE | FAILED
+            found[name] = Entry(
+                compiled, arguments, text, failure,
+                tuple(layouts.get(argument.removeprefix('const '), b'') for argument in arguments),
+            )  # fmt: skip
 
         return decorate
 
@@ -109,7 +141,7 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
         reference: Pointer,
     ) -> int:
         return tick(
-            carray(settings, 1), carray(memory, 1), carray(signals, 1),
+            records_at(settings), records_at(memory), records_at(signals),
             carray(position, positions), carray(velocity, velocities), carray(reference, desired),
         )  # fmt: skip
 
@@ -119,7 +151,7 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
         'settings', 'memory',
     )  # fmt: skip
     def _(settings: Pointer, memory: Pointer) -> int:
-        changed(carray(settings, 1), carray(memory, 1))
+        changed(records_at(settings), records_at(memory))
         return 0
 
     @exported(
@@ -141,7 +173,7 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
         has_reference: int,
     ) -> int:
         return supervision_start(
-            carray(supervision, 1), carray(initial, 1), carray(settings, 1), carray(memory, 1),
+            records_at(supervision), records_at(initial), records_at(settings), records_at(memory),
             stamp, now, carray(position, positions), carray(velocity, velocities),
             carray(reference, desired), has_reference,
         )  # fmt: skip
@@ -154,7 +186,7 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
         supervision: Pointer, settings: Pointer, memory: Pointer, signals: Pointer, status: int
     ) -> int:
         return supervision_end(
-            carray(supervision, 1), carray(settings, 1), carray(memory, 1), carray(signals, 1),
+            records_at(supervision), records_at(settings), records_at(memory), records_at(signals),
             status,
         )  # fmt: skip
 
@@ -164,7 +196,8 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
     )  # fmt: skip
     def _(settings: Pointer, memory: Pointer, delay_line: Pointer, signals: Pointer) -> int:
         return int(start(
-            carray(settings, 1), carray(memory, 1), carray(delay_line, line), carray(signals, 1),
+            records_at(settings), records_at(memory), carray(delay_line, line),
+            records_at(signals),
         ))
 
     axes = desired // 3
@@ -200,12 +233,40 @@ def _step(move: Callable[..., bool], line: tuple[int, ...]) -> Callable[..., int
         settings: Pointer, memory: Pointer, delay_line: Pointer, tick: int, signals: Pointer
     ) -> int:
         return int(move(
-            carray(settings, 1), carray(memory, 1), carray(delay_line, line), tick,
-            carray(signals, 1),
+            records_at(settings), records_at(memory), carray(delay_line, line), tick,
+            records_at(signals),
         ))
 
     return step
 
 
 def _pointer(record: Records) -> types.Type:
+    kind = type_of(record)
+    if isinstance(kind, SizedRecordsType):
+        return types.CPointer(SizedRecordType(kind.schema))
     return types.CPointer(from_dtype(record.dtype))
+
+
+def records_at(place: Pointer) -> Records:
+    """Return the array of the one record at an address, in compiled code."""
+    return carray(place, 1)
+
+
+def _type_of_records(context: Type, place: Type) -> types.Type:
+    kind = place.dtype
+    if isinstance(kind, SizedRecordType):
+        return SizedRecordsType(kind.schema)
+    return types.Array(kind, 1, 'C')
+
+
+@generated(records_at, _type_of_records)
+def _records_at(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
+    if not isinstance(compiler.result, SizedRecordsType):
+        return compiler.run(_array_at, kinds, values)
+    data = compiler.builder.bitcast(values[0], cgutils.voidptr_t)
+    one, step = (compiler.context.get_constant(types.intp, number) for number in (1, 0))
+    return cgutils.pack_struct(compiler.builder, [data, one, step])
+
+
+def _array_at(place: Pointer) -> Records:
+    return carray(place, 1)

@@ -14,7 +14,8 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from masmc_ros import __version__
 from masmc_ros.aliases import Records
 from masmc_ros.errors import InputError
-from masmc_ros.jit.record import AT_RUN_TIME, TAG
+from masmc_ros.jit.sized_records import has_layout, LAYOUT, TAG
+from masmc_ros.jit.vectors import WORKSPACE
 from masmc_ros.json_text import json_text
 from masmc_ros.law.parts.delay_fields import ENABLING
 from masmc_ros.law.parts.model import PAYLOAD
@@ -23,15 +24,22 @@ from masmc_ros.loop.records import read_by
 from masmc_ros.loop.signals import inputs, SIGNALS
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.supervision import NAMES, PROGRAM_FIELDS
-from masmc_ros.native.entries import entries, Entry, LIBRARY, records_of, SUPERVISION
-from masmc_ros.native.object_code import archive, merged, object_of
+from masmc_ros.native.entries import (
+    entries,
+    Entry,
+    FAILED,
+    LIBRARY,
+    OTHER_RECORDS,
+    records_of,
+    SUPERVISION,
+)
+from masmc_ros.native.object_code import archive, MEMORY, merged, object_of
 from masmc_ros.native.ros2_control import check_supervised, package_contents, package_name
 from masmc_ros.native.targets import Target
 from masmc_ros.output_files import check_absent, make_folder, write_file
 from masmc_ros.params.declaration import Parameter, Values
-from masmc_ros.robot.mechanisms import mechanism_from
 
-_KINDS = {'f8': 'double', 'i8': 'int64_t'}
+_KINDS = {'f8': 'double', 'i8': 'int64_t', 'i4': 'int32_t'}
 
 DERIVED = {*PAYLOAD, *ENABLING, 'velocity_source'}
 """Live parameters that determine other settings, or whose change resets memory."""
@@ -110,7 +118,7 @@ def write_library(
     simulation = exported_simulation(values, 'a library')
     names = [entry for entry in LIBRARY if supervised or entry not in SUPERVISION]
     found = entries(simulation, names)
-    functions = {f'{name}_{entry}': function.compiled for entry, function in found.items()}
+    functions = {f'{name}_{entry}': function for entry, function in found.items()}
     text = merged(functions)
     contents = {
         target: archive(f'{name}.o', object_of(text, kind), list(functions))
@@ -154,11 +162,6 @@ def exported_simulation(values: Mapping[str, Values], product: str) -> Simulatio
         raise InputError(
             f'plant.payload.time = {plant["payload.time"]:g}: the robot of {product} has its'
             ' payload from the start; expected 0'
-        )
-    if AT_RUN_TIME in mechanism_from(plant).sizes:
-        raise InputError(
-            f'robot.urdf: {product} has no records of robots from URDF files;'
-            " expected the paper's robot, with the lengths and masses of robot.*"
         )
     simulation = Simulation(values)
     if simulation.timing.last is None:
@@ -207,7 +210,11 @@ def _described(
             (len(values) for values in inputs(controller.signals)), strict=True,
         )),
         'delay_line': plant.delayed.size,
-        'statuses': {'SINGULAR': SINGULAR, 'NOT_FINITE': NOT_FINITE},
+        'memory': MEMORY + (WORKSPACE if has_layout(controller.settings.dtype) else 0),
+        'statuses': {
+            'SINGULAR': SINGULAR, 'NOT_FINITE': NOT_FINITE, 'FAILED': FAILED,
+            'OTHER_RECORDS': OTHER_RECORDS,
+        },
         'supervision': NAMES if set(SUPERVISION) <= found.keys() else {},
         'points': mechanism.points,
         'parameters': parameters,
@@ -232,13 +239,15 @@ def _record(name: str, record: Records, descriptions: Mapping[str, str]) -> _Rec
     assert fields_of is not None
     for field in fields_of:
         kind, place = fields_of[field][:2]
-        if TAG in field:
+        if TAG in field and field != LAYOUT:
             tags += 1
             continue
         shape = kind.shape[:-1] if kind.shape[-1] == 1 else kind.shape
         text = descriptions.get(field, '').replace('*/', '* /')
         numbers = tuple(_number(value) for value in record[field].ravel().tolist())
-        fields.append(_Field(field, _KINDS[kind.base.str[1:]], shape, place, text, numbers))
+        name_in_c = field.replace(TAG, '')
+        fields.append(_Field(name_in_c, _KINDS[kind.base.str[1:]], shape, place, text, numbers))
+    fields.sort(key=lambda field: field.place)  # the layout is the first member
     return _Record(name, record.dtype.itemsize, tags, tuple(fields))
 
 

@@ -113,7 +113,7 @@ def test_controller_of_velocities_is_one_line(tmp_path: Path) -> None:
     values = load_scenario(
         PAPER, ('controller.command_interface=velocity', 'plant.command_interface=velocity')
     )
-    with pytest.raises(InputError, match='ros2_control needs effort'):
+    with pytest.raises(InputError, match='velocity: expected effort'):
         write_library(
             tmp_path / 'new', 'paper', values, {}, overwrite=False, ros2_control=True
         )
