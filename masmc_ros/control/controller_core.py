@@ -50,8 +50,17 @@ from masmc_ros.loop.controller_events import (
     RESUMED,
     UNFOLDED,
 )
+from masmc_ros.loop.fault_rules import is_overdue
 from masmc_ros.loop.runaway import RunawayWatch
-from masmc_ros.loop.safe_stop import BALANCE, BALANCE_TIME, GUIDE, SafeStop, UNFOLD, VOID
+from masmc_ros.loop.safe_stop import (
+    BALANCE,
+    BALANCE_TIME,
+    GUIDE,
+    SafeStop,
+    UNFOLD,
+    UNFOLDING_TIME,
+    VOID,
+)
 from masmc_ros.loop.simulated_robot import diverged
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.reference_window import ReferenceWindow
@@ -67,9 +76,6 @@ STATES, REFERENCE, LAW, RUNAWAY = 'states', 'reference', 'law', 'run-away'
 
 SECOND_LOOK = 0.01
 """Time in s after which a missing state is confirmed; this process may have been late."""
-
-UNFOLDING_TIME = 5.0
-"""Longest time in s to leave a singular joint position."""
 
 _QUIET = 1.0
 """Time in s between two lines about missing states."""
@@ -552,7 +558,7 @@ class ControllerCore:
             if self._held_since is None:
                 self._held_since = now
             timeout = self.pacing.reference_timeout(self._values)
-            if now - self._held_since > timeout:
+            if is_overdue(now, self._held_since, timeout):
                 self._fail(REFERENCE, f'{NO_REFERENCE} for {timeout:g} s')
         return reference
 

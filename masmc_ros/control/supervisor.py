@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from masmc_ros.loop.fault_rules import recovers, takes_fault
+
 INACTIVE = 'inactive'
 ACTIVE = 'active'
 FAULT = 'fault'
@@ -138,8 +140,10 @@ class Supervisor:
             True if the fault stays until it is cleared.
 
         """
-        is_new = self.is_configured and not (self.state == FAULT and self.is_latched)
-        has_effect = is_new if is_latched else self.is_active
+        is_latched_fault = self.state == FAULT and self.is_latched
+        has_effect = self.is_configured and takes_fault(
+            self.is_active, is_latched_fault, is_latched
+        )
         if has_effect:
             self._enter(FAULT, reason, cause, is_latched=is_latched)
         return has_effect
@@ -150,7 +154,7 @@ class Supervisor:
 
         `is_restart`: True for an activation, False to continue after the interruption.
         """
-        if self.state != FAULT or self.is_latched or self.cause != cause:
+        if not recovers(self.state == FAULT, self.is_latched, self.cause == cause):
             return False
         self._enter(ACTIVE)
         self.activations += is_restart

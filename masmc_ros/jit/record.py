@@ -225,6 +225,31 @@ def _copy_to(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     return compiler.context.get_dummy_value()
 
 
+def copy_nan(source: Record, target: Record) -> None:
+    """Copy the entries that are NaN from a record without tags to one of the same type."""
+    for name in source.dtype.names or ():
+        if source.dtype[name].base.kind == 'f':
+            target[name][np.isnan(source[name])] = np.nan
+
+
+@generated(copy_nan, lambda context, source, target: types.none)
+def _copy_nan(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
+    build, double = compiler.builder, ir.DoubleType()
+    if isinstance(kinds[0], SizedRecordType):
+        pointers, counts = zip(*(numbers_of_record(compiler, v) for v in values), strict=True)
+        count = counts[0]
+    else:
+        pointers = tuple(values)
+        count = compiler.context.get_constant(types.intp, kinds[0].size // 8)
+    words = [build.bitcast(pointer, double.as_pointer()) for pointer in pointers]
+    with cgutils.for_range(build, count) as loop:
+        # Whole numbers are small, so none of them has the bits of NaN.
+        word = build.load(build.gep(words[0], [loop.index]))
+        with build.if_then(build.fcmp_unordered('uno', word, word)):
+            build.store(word, build.gep(words[1], [loop.index]))
+    return compiler.context.get_dummy_value()
+
+
 def copy_lane(
     source: Record | Records, target: Record | Records, lane: int | Flags
 ) -> None:

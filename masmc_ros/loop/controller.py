@@ -10,12 +10,13 @@ from collections.abc import Callable
 from masmc_ros.aliases import Array, Records
 from masmc_ros.errors import InputError
 from masmc_ros.jit.compiled import bound
+from masmc_ros.jit.lanes import lane_of
 from masmc_ros.jit.record import fill, take_over
 from masmc_ros.law import registry
 from masmc_ros.law.command_interface import by_velocity, is_hybrid, takes_rates
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts import velocity_estimator
-from masmc_ros.law.parts.delay_fields import HISTORY
+from masmc_ros.law.parts.delay_compensation import note_skipped
 from masmc_ros.law.parts.joint_limits import MEMORY as LIMIT_MEMORY
 from masmc_ros.law.parts.model import PAYLOAD
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES
@@ -183,10 +184,7 @@ class Controller:
         """
         self._void()
         self.memory['uncomputed_ticks'] += periods
-        if self.is_compensated:
-            self.memory['skipped'] += periods
-            if self.memory['skipped'][0, 0] > HISTORY:
-                self.memory['history_initialised'] = 0
+        note_skipped(lane_of(self.settings[0], 0), lane_of(self.memory[0], 0), periods)
 
     def reset_adaptation(self) -> None:
         """Reset the adaptation: set theta_hat to nominal and re-initialise the law's memory."""

@@ -21,9 +21,12 @@ fifth of the gain.
 
 from __future__ import annotations
 
-from masmc_ros.aliases import Array, Records
+from typing import Any
+
+from masmc_ros.aliases import Array, Joints, Numbers, Records
 from masmc_ros.jit.arrays import to_vector, write_along
 from masmc_ros.jit.compiled import formula, kernel
+from masmc_ros.jit.dispatch import by_tag, interface
 from masmc_ros.jit.field import Field
 from masmc_ros.jit.lanes import lane_of
 from masmc_ros.jit.record import fill, new_record
@@ -35,6 +38,7 @@ from masmc_ros.numerics.limits import clipped, limited
 from masmc_ros.numerics.scalars import minus, moved, times, zero
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
+from masmc_ros.robot.declaration import formulas_of_tag
 import numpy as np
 
 VOID, GRAVITY, HOLD = 'void', 'gravity', 'hold'
@@ -75,9 +79,12 @@ _GUIDE_GAIN = 5.0
 _BRAKING = 8.0
 """Rate in 1/s at which the reference comes to rest."""
 
-_UNFOLDING = 4.0
+UNFOLDING = 4.0
 """Rate in 1/s at which the reference goes to a regular posture, and its largest speed in rad/s."""
 _UNFOLDING_SPEED = 0.5
+
+UNFOLDING_TIME = 5.0
+"""Longest time in s to leave a singular joint position."""
 
 _FILTER = 0.005
 """Time constant in s of the filter for velocities computed from joint angles."""
@@ -85,7 +92,7 @@ _FILTER = 0.005
 _LONGEST = 0.1
 """Longest time in s between two states that the reference accounts for."""
 
-_FIELDS = (
+FIELDS = (
     Field('geometry', 'lengths', 'Lengths of the robot', 'm'),
     Field('nominal', 'parameters', 'theta of the nominal model'),
     Field('limit', 'joints', 'Limit of the torque; 0 disables it', 'N·m'),
@@ -99,10 +106,25 @@ _FIELDS = (
     Field('reference_rates', 'joints', 'v_r', 'rad/s'),
     Field('torque', 'joints', 'Torque commanded last', 'N·m'),
 )
+"""Record of `stop_torque`."""
+
+
+@formula
+def largest_gain(period: float, delay: float, limit: Numbers, rate: Numbers) -> float:
+    """
+    Return the largest gain alpha in 1/s for period, delay (s) and the limits of a torque.
+
+    A delay shorter than the period counts as a period.
+    """
+    gain = min(0.4 / (period + max(period, delay)), _MOST_GAIN)
+    for i in range(len(limit)):
+        if limit[i] > 0.0 and rate[i] > 0.0:
+            gain = min(gain, 4.0 * rate[i] / limit[i])
+    return gain
 
 
 @kernel
-def _stop_torque(
+def stop_torque(
     stop: Records,
     position: Array,
     velocity: Array,
@@ -174,6 +196,20 @@ def _apart(rate: float, v_r: float, angle: float, q_r: float, stiffness: float) 
     return (rate - v_r) + stiffness * (angle - q_r)
 
 
+@formula
+def _as_it_is(body: Any, angles: Joints, rates: Joints) -> tuple[bool, Joints]:
+    return False, angles
+
+
+@interface(by_tag('mechanism', formulas_of_tag), _as_it_is)
+def unfolded(body: Any, angles: Joints, rates: Joints) -> tuple[bool, Joints]:
+    """
+    Return whether no law should start from these joint angles and velocities, and a goal.
+
+    Without a formula of the mechanism in `body` a law can start everywhere.
+    """
+
+
 class SafeStop:
     """
     Torque commands in place of a controller's law.
@@ -199,7 +235,7 @@ class SafeStop:
         """
         self._controller = controller
         kind = controller.mechanism
-        self._record = new_record(_FIELDS, kind.sizes, 1, {'mechanism': kind.tag})
+        self._record = new_record(FIELDS, kind.sizes, 1, {'mechanism': kind.tag})
         fill(self._record, 'geometry', controller.robot.geometry)
         fill(self._record, 'period', controller.period)
         self._gain = self._stiffness = self._pull = 0.0
@@ -258,7 +294,7 @@ class SafeStop:
             gain = min(gain, _GUIDE_GAIN)
         self._gain = 0.0 if self.action == BALANCE else gain
         self._stiffness = 0.25 * gain if self.action in (HOLD, UNFOLD) else 0.0
-        self._pull = _UNFOLDING if self.action == UNFOLD else 0.0
+        self._pull = UNFOLDING if self.action == UNFOLD else 0.0
         for name, value in (
             ('nominal', controller.nominal),
             ('limit', controller.values['torque_limit']),
@@ -290,7 +326,7 @@ class SafeStop:
         elapsed = max((stamp - self._stamp) * 1e-9, 0.0)
         self._stamp = stamp
         is_estimated = controller.values['velocity_source'] == SOURCES[ESTIMATED]
-        if not _stop_torque(
+        if not stop_torque(
             self._record,
             position,
             velocity,
@@ -317,9 +353,9 @@ class SafeStop:
         return self._regular_posture(angles, controller.rates(velocity)) is not None
 
     def _regular_posture(self, angles: Array, rates: Array) -> Array | None:
-        find = getattr(self._controller.mechanism.formulas, 'regular_posture', None)
-        posture: Array | None = None if find is None else find(angles, rates)
-        return posture
+        body = lane_of(self._record[0], 0)
+        is_singular, posture = unfolded(body, tuple(angles.tolist()), tuple(rates.tolist()))
+        return np.array(posture) if is_singular else None
 
     def release(self) -> None:
         """End all commands; the commanded torque is zero."""
@@ -339,14 +375,10 @@ class SafeStop:
 
     def _largest_gain(self) -> float:
         """Return the largest gain alpha in 1/s for period, delay and torque rate limit."""
-        values, period = self._controller.values, self._controller.period
-        delay = max(period, values['latency'] + values['motor_lag'])
-        bounds = [0.4 / (period + delay), _MOST_GAIN]
-        for limit, rate in zip(
-            np.broadcast_to(values['torque_limit'], len(self._controller.torque)),
-            np.broadcast_to(values['torque_rate_limit'], len(self._controller.torque)),
-            strict=True,
-        ):
-            if limit > 0.0 and rate > 0.0:
-                bounds.append(4.0 * float(rate) / float(limit))
-        return min(bounds)
+        values, joints = self._controller.values, len(self._controller.torque)
+        limit, rate = (
+            tuple(np.broadcast_to(values[name], joints).tolist())
+            for name in ('torque_limit', 'torque_rate_limit')
+        )
+        delay = values['latency'] + values['motor_lag']
+        return largest_gain(self._controller.period, delay, limit, rate)

@@ -9,11 +9,28 @@ from collections.abc import Callable, Collection
 from typing import Any, NamedTuple
 
 from masmc_ros.aliases import Records
+from masmc_ros.jit.generated import Compiler, generated, IrValue, IrValues, Type, Types
+from masmc_ros.jit.sized_records import (
+    has_layout,
+    LAYOUT,
+    SizedRecordsType,
+    SizedRecordType,
+    type_of,
+)
 from masmc_ros.loop import closed_loop
+from masmc_ros.loop.closed_loop import NOT_FINITE
 from masmc_ros.loop.signals import inputs
 from masmc_ros.loop.simulation import Simulation
+from masmc_ros.loop.supervision import (
+    is_supervised,
+    supervision_end,
+    supervision_record,
+    supervision_start,
+)
+from masmc_ros.messages.stamp_order import state_timeout
 from masmc_ros.reference.line_sine import line_sine
 from numba import carray, cfunc, from_dtype, types
+from numba.core import cgutils
 
 Pointer = Any
 """Address of numbers or of a record in compiled code."""
@@ -27,9 +44,26 @@ class Entry(NamedTuple):
     arguments: tuple[str, ...]
     """Types of its arguments in C; the name of a record stands for a pointer to it."""
     description: str
+    failure: int
+    """Result if the kernel raises an exception, as a full memory does."""
+    layouts: tuple[bytes, ...]
+    """First bytes that the record of each argument must have; b'' for any."""
 
 
-LIBRARY = ('control_tick', 'settings_changed', 'plant_start', 'plant_tick', 'plant_hold')
+FAILED, OTHER_RECORDS = 4, 8
+"""
+Status flags of functions of a library, always with `NOT_FINITE`.
+
+FAILED: the kernel raised an exception, because its memory was full; OTHER_RECORDS: sizes and
+places in a record are not those of the library.
+"""
+
+SUPERVISION = ('supervision_start', 'supervision_end')
+"""Functions of a library with commanded torques."""
+
+LIBRARY = (
+    'control_tick', 'settings_changed', *SUPERVISION, 'plant_start', 'plant_tick', 'plant_hold',
+)  # fmt: skip
 """Functions of a library."""
 
 PLANT = ('plant_start', 'plant_tick', 'sample_line_sine')
@@ -39,27 +73,39 @@ PLANT = ('plant_start', 'plant_tick', 'sample_line_sine')
 def records_of(simulation: Simulation) -> dict[str, Records]:
     """Return the records of a simulation by their names in C."""
     controller, plant = simulation.controller, simulation.plant
-    return {
+    records = {
         'settings': controller.settings, 'memory': controller.memory, 'signals': plant.signals,
         'plant_settings': plant.settings, 'plant_memory': plant.memory,
     }  # fmt: skip
+    if is_supervised(controller.mechanism, controller.values):
+        records['supervision'] = supervision_record(
+            controller, state_timeout(controller.values)
+        )
+    return records
 
 
 def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[str, Entry]:
     """
     Compile the named functions for the records of a simulation, and return them by name.
 
-    Each returns a whole number: the controller the flags of `closed_loop.control_tick`, the plant
-    1 if its state is finite, else 0.
+    Each returns a whole number: the controller the flags of `closed_loop.control_tick`, `FAILED`
+    and `OTHER_RECORDS`; the plant 1 if its state is finite, else 0.
     """
     signals_here = simulation.controller.signals
     positions, velocities, desired = (len(values) for values in inputs(signals_here))
     line = simulation.plant.delayed.shape
     # Flags are whole numbers: other bits of a register with a bool of Numba are not defined.
     number, vector = types.int64, types.CPointer(types.float64)
+    records = records_of(simulation)
     kinds = {
         'int64_t': number, 'double': types.float64, 'const double *': vector, 'double *': vector,
-        **{name: _pointer(record) for name, record in records_of(simulation).items()},
+        **dict.fromkeys(('int64_t stamp', 'int64_t now', 'int64_t has_reference'), number),
+        'int64_t status': number, **{name: _pointer(record) for name, record in records.items()},
+        'const memory': _pointer(records['memory']),
+    }  # fmt: skip
+    layouts = {
+        name: record[LAYOUT][0].tobytes()
+        for name, record in records.items() if has_layout(record.dtype)
     }  # fmt: skip
     tick, changed, start = (
         closed_loop.control_tick, closed_loop.post_update, closed_loop.plant_start
@@ -68,11 +114,17 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
 
     def exported(name: str, text: str, *arguments: str) -> Callable[[Callable[..., int]], None]:
         def decorate(function: Callable[..., int]) -> None:
-            if name not in names:
+            if name == 'plant_hold' and layouts:
+                return  # a second copy of the plant, which is the largest part of the code
+            if name not in names or not set(arguments) <= kinds.keys():
                 return
             signature = number(*(kinds[argument] for argument in arguments))
             compiled = cfunc(signature, error_model='numpy')(function)
-            found[name] = Entry(compiled, arguments, text)
+            failure = 0 if name.startswith('plant') else NOT_FINITE | FAILED
+            found[name] = Entry(
+                compiled, arguments, text, failure,
+                tuple(layouts.get(argument.removeprefix('const '), b'') for argument in arguments),
+            )  # fmt: skip
 
         return decorate
 
@@ -89,7 +141,7 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
         reference: Pointer,
     ) -> int:
         return tick(
-            carray(settings, 1), carray(memory, 1), carray(signals, 1),
+            records_at(settings), records_at(memory), records_at(signals),
             carray(position, positions), carray(velocity, velocities), carray(reference, desired),
         )  # fmt: skip
 
@@ -99,8 +151,44 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
         'settings', 'memory',
     )  # fmt: skip
     def _(settings: Pointer, memory: Pointer) -> int:
-        changed(carray(settings, 1), carray(memory, 1))
+        changed(records_at(settings), records_at(memory))
         return 0
+
+    @exported(
+        'supervision_start',
+        'First part of a supervised tick; 1 if the law is to be computed, see supervised_tick.',
+        'supervision', 'const memory', 'settings', 'memory', 'int64_t stamp', 'int64_t now',
+        *('const double *',) * 3, 'int64_t has_reference',
+    )  # fmt: skip
+    def _(
+        supervision: Pointer,
+        initial: Pointer,
+        settings: Pointer,
+        memory: Pointer,
+        stamp: int,
+        now: int,
+        position: Pointer,
+        velocity: Pointer,
+        reference: Pointer,
+        has_reference: int,
+    ) -> int:
+        return supervision_start(
+            records_at(supervision), records_at(initial), records_at(settings), records_at(memory),
+            stamp, now, carray(position, positions), carray(velocity, velocities),
+            carray(reference, desired), has_reference,
+        )  # fmt: skip
+
+    @exported(
+        'supervision_end', 'Last part of a supervised tick, with the status of control_tick.',
+        'supervision', 'settings', 'memory', 'signals', 'int64_t status',
+    )  # fmt: skip
+    def _(
+        supervision: Pointer, settings: Pointer, memory: Pointer, signals: Pointer, status: int
+    ) -> int:
+        return supervision_end(
+            records_at(supervision), records_at(settings), records_at(memory), records_at(signals),
+            status,
+        )  # fmt: skip
 
     @exported(
         'plant_start', 'Write the state of tick 0 into the signals.',
@@ -108,7 +196,8 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
     )  # fmt: skip
     def _(settings: Pointer, memory: Pointer, delay_line: Pointer, signals: Pointer) -> int:
         return int(start(
-            carray(settings, 1), carray(memory, 1), carray(delay_line, line), carray(signals, 1),
+            records_at(settings), records_at(memory), carray(delay_line, line),
+            records_at(signals),
         ))
 
     axes = desired // 3
@@ -144,12 +233,40 @@ def _step(move: Callable[..., bool], line: tuple[int, ...]) -> Callable[..., int
         settings: Pointer, memory: Pointer, delay_line: Pointer, tick: int, signals: Pointer
     ) -> int:
         return int(move(
-            carray(settings, 1), carray(memory, 1), carray(delay_line, line), tick,
-            carray(signals, 1),
+            records_at(settings), records_at(memory), carray(delay_line, line), tick,
+            records_at(signals),
         ))
 
     return step
 
 
 def _pointer(record: Records) -> types.Type:
+    kind = type_of(record)
+    if isinstance(kind, SizedRecordsType):
+        return types.CPointer(SizedRecordType(kind.schema))
     return types.CPointer(from_dtype(record.dtype))
+
+
+def records_at(place: Pointer) -> Records:
+    """Return the array of the one record at an address, in compiled code."""
+    return carray(place, 1)
+
+
+def _type_of_records(context: Type, place: Type) -> types.Type:
+    kind = place.dtype
+    if isinstance(kind, SizedRecordType):
+        return SizedRecordsType(kind.schema)
+    return types.Array(kind, 1, 'C')
+
+
+@generated(records_at, _type_of_records)
+def _records_at(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
+    if not isinstance(compiler.result, SizedRecordsType):
+        return compiler.run(_array_at, kinds, values)
+    data = compiler.builder.bitcast(values[0], cgutils.voidptr_t)
+    one, step = (compiler.context.get_constant(types.intp, number) for number in (1, 0))
+    return cgutils.pack_struct(compiler.builder, [data, one, step])
+
+
+def _array_at(place: Pointer) -> Records:
+    return carray(place, 1)

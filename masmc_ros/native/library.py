@@ -14,7 +14,8 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from masmc_ros import __version__
 from masmc_ros.aliases import Records
 from masmc_ros.errors import InputError
-from masmc_ros.jit.record import AT_RUN_TIME, TAG
+from masmc_ros.jit.sized_records import has_layout, LAYOUT, TAG
+from masmc_ros.jit.vectors import WORKSPACE
 from masmc_ros.json_text import json_text
 from masmc_ros.law.parts.delay_fields import ENABLING
 from masmc_ros.law.parts.model import PAYLOAD
@@ -22,14 +23,23 @@ from masmc_ros.loop.closed_loop import NOT_FINITE, SINGULAR
 from masmc_ros.loop.records import read_by
 from masmc_ros.loop.signals import inputs, SIGNALS
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.native.entries import entries, Entry, records_of
-from masmc_ros.native.object_code import archive, merged, object_of
+from masmc_ros.loop.supervision import NAMES, PROGRAM_FIELDS
+from masmc_ros.native.entries import (
+    entries,
+    Entry,
+    FAILED,
+    LIBRARY,
+    OTHER_RECORDS,
+    records_of,
+    SUPERVISION,
+)
+from masmc_ros.native.object_code import archive, MEMORY, merged, object_of
+from masmc_ros.native.ros2_control import check_supervised, package_contents, package_name
 from masmc_ros.native.targets import Target
 from masmc_ros.output_files import check_absent, make_folder, write_file
 from masmc_ros.params.declaration import Parameter, Values
-from masmc_ros.robot.mechanisms import mechanism_from
 
-_KINDS = {'f8': 'double', 'i8': 'int64_t'}
+_KINDS = {'f8': 'double', 'i8': 'int64_t', 'i4': 'int32_t'}
 
 DERIVED = {*PAYLOAD, *ENABLING, 'velocity_source'}
 """Live parameters that determine other settings, or whose change resets memory."""
@@ -61,6 +71,8 @@ def write_library(
     targets: Mapping[str, Target],
     *,
     overwrite: bool,
+    supervised: bool = True,
+    ros2_control: bool = False,
 ) -> list[Path]:
     """
     Write the library of a scenario, and return the files.
@@ -77,6 +89,10 @@ def write_library(
         Processors by name, see `targets.TARGETS`.
     overwrite
         True to replace existing files.
+    supervised
+        False to leave out the supervision, which takes a third of the time.
+    ros2_control
+        True to add the package of a controller for ros2_control, which needs the supervision.
 
     Raises
     ------
@@ -94,11 +110,15 @@ def write_library(
         'makefile': folder / 'Makefile',
         **{target: folder / target / f'lib{name}.a' for target in targets},
     }
-    for path in paths.values():
+    package = folder / package_name(name)
+    for path in (*paths.values(), *([package] if ros2_control else ())):
         check_absent(path, overwrite=overwrite)
+    if ros2_control:
+        check_supervised(values['controller'])
     simulation = exported_simulation(values, 'a library')
-    found = entries(simulation)
-    functions = {f'{name}_{entry}': function.compiled for entry, function in found.items()}
+    names = [entry for entry in LIBRARY if supervised or entry not in SUPERVISION]
+    found = entries(simulation, names)
+    functions = {f'{name}_{entry}': function for entry, function in found.items()}
     text = merged(functions)
     contents = {
         target: archive(f'{name}.o', object_of(text, kind), list(functions))
@@ -113,10 +133,17 @@ def write_library(
         'description': _json(described, simulation).encode(),
         'reference': reference.astype('<f8').tobytes(),
     }
-    for key, path in paths.items():
+    files = {path: contents[key] for key, path in paths.items()}
+    if ros2_control:
+        added = package_contents(
+            described, values['controller'], _filled,
+            {target: contents[target] for target in targets}, contents['reference'],
+        )  # fmt: skip
+        files |= {package / path: content for path, content in added.items()}
+    for path, content in files.items():
         make_folder(path.parent)
-        write_file(path, contents[key])
-    return list(paths.values())
+        write_file(path, content)
+    return list(files)
 
 
 def exported_simulation(values: Mapping[str, Values], product: str) -> Simulation:
@@ -135,11 +162,6 @@ def exported_simulation(values: Mapping[str, Values], product: str) -> Simulatio
         raise InputError(
             f'plant.payload.time = {plant["payload.time"]:g}: the robot of {product} has its'
             ' payload from the start; expected 0'
-        )
-    if AT_RUN_TIME in mechanism_from(plant).sizes:
-        raise InputError(
-            f'robot.urdf: {product} has no records of robots from URDF files;'
-            " expected the paper's robot, with the lengths and masses of robot.*"
         )
     simulation = Simulation(values)
     if simulation.timing.last is None:
@@ -170,6 +192,10 @@ def _described(
     descriptions = {
         'settings': {field: _sentence(parameter) for field, parameter in parameters.items()},
         'signals': signals,
+        'supervision': {
+            field.name: f'{field.description}{", " * bool(field.unit)}{field.unit}'
+            for field in PROGRAM_FIELDS
+        },
     }
     assert simulation.timing.last is not None
     return {
@@ -184,12 +210,18 @@ def _described(
             (len(values) for values in inputs(controller.signals)), strict=True,
         )),
         'delay_line': plant.delayed.size,
-        'statuses': {'SINGULAR': SINGULAR, 'NOT_FINITE': NOT_FINITE},
+        'memory': MEMORY + (WORKSPACE if has_layout(controller.settings.dtype) else 0),
+        'statuses': {
+            'SINGULAR': SINGULAR, 'NOT_FINITE': NOT_FINITE, 'FAILED': FAILED,
+            'OTHER_RECORDS': OTHER_RECORDS,
+        },
+        'supervision': NAMES if set(SUPERVISION) <= found.keys() else {},
         'points': mechanism.points,
         'parameters': parameters,
         'records': [
             _record(key, record, descriptions.get(key, {}))
             for key, record in records_of(simulation).items()
+            if key != 'supervision' or set(SUPERVISION) <= found.keys()
         ],
         'functions': {
             entry: {
@@ -207,13 +239,15 @@ def _record(name: str, record: Records, descriptions: Mapping[str, str]) -> _Rec
     assert fields_of is not None
     for field in fields_of:
         kind, place = fields_of[field][:2]
-        if TAG in field:
+        if TAG in field and field != LAYOUT:
             tags += 1
             continue
         shape = kind.shape[:-1] if kind.shape[-1] == 1 else kind.shape
         text = descriptions.get(field, '').replace('*/', '* /')
         numbers = tuple(_number(value) for value in record[field].ravel().tolist())
-        fields.append(_Field(field, _KINDS[kind.base.str[1:]], shape, place, text, numbers))
+        name_in_c = field.replace(TAG, '')
+        fields.append(_Field(name_in_c, _KINDS[kind.base.str[1:]], shape, place, text, numbers))
+    fields.sort(key=lambda field: field.place)  # the layout is the first member
     return _Record(name, record.dtype.itemsize, tags, tuple(fields))
 
 
@@ -234,6 +268,10 @@ def _arguments(name: str, kinds: Sequence[str]) -> str:
             named.append(f'{kind}delay_line')
         elif kind == 'int64_t':
             named.append(f'{kind} tick')
+        elif kind.startswith('int64_t '):
+            named.append(kind)
+        elif kind.startswith('const '):
+            named.append(f'const {name}_{kind[6:]} *initial')
         else:
             constant = 'const ' if kind.endswith('settings') else ''
             named.append(f'{constant}{name}_{kind} *{kind}')
@@ -273,7 +311,10 @@ def _json(described: Mapping[str, Any], simulation: Simulation) -> str:
         }
         for record in described['records']
     }
-    names = ('name', 'version', 'law', 'switching', 'period', 'sizes', 'delay_line', 'statuses')
+    names = (
+        'name', 'version', 'law', 'switching', 'period', 'sizes', 'delay_line', 'statuses',
+        'supervision',
+    )  # fmt: skip
     return json_text({
         **{key: described[key] for key in names},
         'parameters': parameters,

@@ -14,13 +14,16 @@ Tested with Numba 0.62 to 0.68, whose intermediate code has opaque pointers.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
+import hashlib
 import re
 from typing import Any
 
 import llvmlite.binding as llvm
 from masmc_ros.errors import InputError, UserError
 from masmc_ros.jit.supported_numba import version_numbers
+from masmc_ros.loop.closed_loop import NOT_FINITE
+from masmc_ros.native.entries import Entry, OTHER_RECORDS
 from masmc_ros.native.targets import Target
 from numba import __version__ as numba_version
 
@@ -28,11 +31,126 @@ OLDEST_NUMBA = '0.62'
 """First version of Numba whose intermediate code can be compiled again."""
 
 
-RUNTIME = """
-; What remains of Numba's run time. Arrays are views of the records, so references are not counted:
-; code that allocates one needs a further function, and `check` rejects it.
+MEMORY = 16384
+"""Bytes on the stack for arrays of a call; a formula that needs more ends in a status."""
+
+_MEMORY = '%masmc.memory'
+"""Pointer to this memory."""
+
+_ARRAYS = f"""
+; Arrays of a call: 64 bytes with the number of references in byte 0, the array before in byte 8
+; and the address in byte 24, where Numba reads it, then the numbers. The memory starts with the
+; number of its used bytes and the place of the last array.
+define internal ptr @NRT_MemInfo_alloc_aligned(ptr {_MEMORY}, i64 %size, i32 %align) {{
+  %used = load i64, ptr {_MEMORY}
+  %free = sub i64 {MEMORY}, %used
+  %more = add i64 %size, 127
+  %room = and i64 %more, -64
+  %small = icmp ult i64 %size, {MEMORY}
+  %fit = icmp ule i64 %room, %free
+  %fits = and i1 %small, %fit
+  br i1 %fits, label %new, label %full
+new:
+  %after = add i64 %used, %room
+  store i64 %after, ptr {_MEMORY}
+  %last = getelementptr i8, ptr {_MEMORY}, i64 8
+  %before = load i64, ptr %last
+  store i64 %used, ptr %last
+  %array = getelementptr i8, ptr {_MEMORY}, i64 %used
+  store i64 1, ptr %array
+  %link = getelementptr i8, ptr %array, i64 8
+  store i64 %before, ptr %link
+  %data = getelementptr i8, ptr %array, i64 64
+  %place = getelementptr i8, ptr %array, i64 24
+  store ptr %data, ptr %place
+  ret ptr %array
+full:
+  ret ptr null
+}}
+define internal void @NRT_incref(ptr %array) {{
+  %is.view = icmp eq ptr %array, null
+  br i1 %is.view, label %end, label %own
+own:
+  %count = load i64, ptr %array
+  %more = add i64 %count, 1
+  store i64 %more, ptr %array
+  br label %end
+end:
+  ret void
+}}
+define internal void @NRT_decref(ptr {_MEMORY}, ptr %array) {{
+  %is.view = icmp eq ptr %array, null
+  br i1 %is.view, label %end, label %own
+own:
+  %count = load i64, ptr %array
+  %less = sub i64 %count, 1
+  store i64 %less, ptr %array
+  %last = getelementptr i8, ptr {_MEMORY}, i64 8
+  br label %test
+test:
+  %place = load i64, ptr %last
+  %is.empty = icmp eq i64 %place, 0
+  br i1 %is.empty, label %end, label %look
+look:
+  %top = getelementptr i8, ptr {_MEMORY}, i64 %place
+  %users = load i64, ptr %top
+  %is.used = icmp ne i64 %users, 0
+  br i1 %is.used, label %end, label %release
+release:
+  store i64 %place, ptr {_MEMORY}
+  %link = getelementptr i8, ptr %top, i64 8
+  %before = load i64, ptr %link
+  store i64 %before, ptr %last
+  br label %test
+end:
+  ret void
+}}
+"""
+
+_WITHOUT_ARRAYS = """
 define internal void @NRT_incref(ptr %array) { ret void }
 define internal void @NRT_decref(ptr %array) { ret void }
+"""
+
+RUNTIME = """
+; Places of an array of another shape; all arrays are contiguous, with the last index first.
+define internal i32 @numba_attempt_nocopy_reshape(i64 %nd, ptr %dims, ptr %strides, i64 %newnd,
+    ptr %newdims, ptr %newstrides, i64 %itemsize, i32 %order) {
+  br label %test
+test:
+  %i = phi i64 [ %newnd, %0 ], [ %j, %body ]
+  %step = phi i64 [ %itemsize, %0 ], [ %wider, %body ]
+  %more = icmp sgt i64 %i, 0
+  br i1 %more, label %body, label %end
+body:
+  %j = sub i64 %i, 1
+  %out = getelementptr i64, ptr %newstrides, i64 %j
+  store i64 %step, ptr %out
+  %in = getelementptr i64, ptr %newdims, i64 %j
+  %length = load i64, ptr %in
+  %wider = mul i64 %step, %length
+  br label %test
+end:
+  ret i32 1
+}
+; Differing bits of words at two addresses.
+define internal i64 @masmc.difference(ptr %a, ptr %b, i64 %count) {
+  br label %body
+body:
+  %i = phi i64 [ 0, %0 ], [ %next, %body ]
+  %before = phi i64 [ 0, %0 ], [ %after, %body ]
+  %ap = getelementptr i64, ptr %a, i64 %i
+  %bp = getelementptr i64, ptr %b, i64 %i
+  %av = load i64, ptr %ap
+  %bv = load i64, ptr %bp
+  %bits = xor i64 %av, %bv
+  %after = or i64 %before, %bits
+  %next = add i64 %i, 1
+  %more = icmp ult i64 %next, %count
+  br i1 %more, label %body, label %end
+end:
+  ret i64 %after
+}
 ; A square root, which every target has as an instruction.
 define internal double @sqrt(double %x) alwaysinline {
   %y = call double @llvm.sqrt.f64(double %x)
@@ -41,17 +159,24 @@ define internal double @sqrt(double %x) alwaysinline {
 declare double @llvm.sqrt.f64(double)
 """
 
+_ALLOCATION, _RELEASE = 'NRT_MemInfo_alloc_aligned', 'NRT_decref'
+
 _AVAILABLE = {'memcpy', 'memset'}
 """Functions that every C compiler expects to find."""
 
 _FUSED = re.compile(r'fmuladd|@llvm\.fma\.|= f(?:add|sub|mul|div) (?:fast|contract|reassoc)')
+_LONG_NAME = re.compile(r'(?<![@"\w.$-])[\w.$-]{900,}')
+"""Label of a block that the parser rejects, because it contains the name of a function."""
+
 _VARIABLE = re.compile(r'^@\S+ = (?:[a-z_]+ )*global .*', re.MULTILINE)
 _POINTER_IN_STRUCT = re.compile(r'getelementptr[^,\n]*\{[^}\n]*\bptr\b')
 
 
 def merged(functions: Mapping[str, Any]) -> str:
     """
-    Return the intermediate code of callbacks of Numba under the given names.
+    Return the intermediate code of entries, or of callbacks of Numba, under the given names.
+
+    A callback that raises an exception returns 0.
 
     Raises UserError for a Numba that is too old.
     """
@@ -62,28 +187,133 @@ def merged(functions: Mapping[str, Any]) -> str:
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
     whole: Any = None
-    for name, callback in functions.items():
+    for name, function in functions.items():
+        entry = function if isinstance(function, Entry) else Entry(function, (), '', 0, ())
         # These two contain instructions of this processor already.
         text = re.sub(
             r'^define [^@]*@NRT_(incref|decref)\(.*?^}$', r'declare void @NRT_\1(ptr)',
-            callback.inspect_llvm(), flags=re.M | re.S,
+            _LONG_NAME.sub(_short_name, entry.compiled.inspect_llvm()), flags=re.M | re.S,
         )  # fmt: skip
         module = llvm.parse_assembly(text)
-        _keep(module, ())
-        function = module.get_function(callback.native_name)
-        function.name, function.linkage = name, 'external'
+        # The wrapper of Numba reports exceptions to Python, and a caller in C gets none.
+        wrapper = module.get_function(entry.compiled.native_name)
+        wrapper.name = f'masmc.unused.{name}'
+        kernel = module.get_function(entry.compiled.native_name.removeprefix('cfunc.'))
+        kernel.name = f'masmc.{name}'
+        own = _function(name, entry, [str(value.type) for value in kernel.arguments][2:])
+        module = llvm.parse_assembly(f'{module}\n{own}')
+        _keep(module, (name,))
         if whole is None:
             whole = module
         else:
             whole.link_in(module)
+    _keep(whole, functions)
+    passes = llvm.create_new_module_pass_manager()
+    passes.add_global_dead_code_eliminate_pass()
+    passes.run(whole, llvm.create_pass_builder(_host(), llvm.create_pipeline_tuning_options()))
+    text = str(whole)
+    has_arrays = f'@{_ALLOCATION}(' in text
+    whole = llvm.parse_assembly(_with_memory(text) if has_arrays else text)
     layout = f'target triple = "{whole.triple}"\ntarget datalayout = "{whole.data_layout}"\n'
-    runtime = llvm.parse_assembly(layout + RUNTIME)
+    runtime = llvm.parse_assembly(
+        layout + RUNTIME + (_ARRAYS if has_arrays else _WITHOUT_ARRAYS)
+    )
     for function in runtime.functions:
         if not function.is_declaration:
             function.linkage = 'external'  # internal names cannot be linked
     whole.link_in(runtime)
     _keep(whole, functions)
     return str(whole)
+
+
+def _short_name(match: re.Match[str]) -> str:
+    return f'block.{hashlib.sha256(match.group().encode()).hexdigest()[:16]}'
+
+
+def _function(name: str, entry: Entry, kinds: Sequence[str]) -> str:
+    """Return a function of a library, which calls the kernel `masmc.NAME`."""
+    arguments = [f'{kind} %a{i}' for i, kind in enumerate(kinds)]
+    constants, checks, differences = [], [], []
+    for i, layout in enumerate(entry.layouts):
+        if not layout:
+            continue
+        words = [
+            f'i64 {int.from_bytes(layout[k:k + 8], "little")}' for k in range(0, len(layout), 8)
+        ]
+        constant, size = f'@masmc.layout.{name}.{i}', f'[{len(words)} x i64]'
+        constants.append(f'{constant} = internal constant {size} [{", ".join(words)}]')
+        checks.append(
+            f'%d{i} = call i64 @masmc.difference(ptr %a{i}, ptr {constant}, i64 {len(words)})'
+        )
+        differences.append(f'%d{i}')
+    total = '0'
+    for i, difference in enumerate(differences):
+        checks.append(f'%t{i} = or i64 {total}, {difference}')
+        total = f'%t{i}'
+    rejected = 0 if entry.failure == 0 else NOT_FINITE | OTHER_RECORDS
+    lines = '\n  '.join([
+        *checks,
+        f'%is_other = icmp ne i64 {total}, 0',
+        'br i1 %is_other, label %other, label %own',
+    ])
+    return f"""
+{chr(10).join(constants)}
+{'declare i64 @masmc.difference(ptr, ptr, i64)' if constants else ''}
+define i64 @{name}({', '.join(arguments)}) {{
+  {_MEMORY} = alloca [{MEMORY} x i8], align 64
+  store i64 64, ptr {_MEMORY}
+  %last = getelementptr i8, ptr {_MEMORY}, i64 8
+  store i64 0, ptr %last
+  %result = alloca i64
+  %exception = alloca ptr
+  store i64 0, ptr %result
+  {lines}
+own:
+  %code = call i32 @masmc.{name}({', '.join(['ptr %result', 'ptr %exception', *arguments])})
+  %value = load i64, ptr %result
+  %is_raised = icmp ne i32 %code, 0
+  %status = select i1 %is_raised, i64 {entry.failure}, i64 %value
+  ret i64 %status
+other:
+  ret i64 {rejected}
+}}
+"""
+
+
+def _with_memory(text: str) -> str:
+    """Return intermediate code whose functions with arrays have their memory as an argument."""
+    called = re.compile(r'(\bcall [^@\n]*@)("[^"\n]*"|[\w.$-]+)\((?=([^\n]))')
+    defined = re.compile(r'^(define [^@\n]*@)("[^"\n]*"|[\w.$-]+)\((?=([^\n]))', re.M)
+    callees: dict[str, set[str]] = {}
+    for part in re.split(r'^(?=define )', text, flags=re.M)[1:]:
+        start = defined.match(part)
+        assert start is not None
+        callees[start.group(2)] = {call.group(2) for call in called.finditer(part)}
+    users, size = {_ALLOCATION, _RELEASE}, 0
+    while len(users) > size:
+        size = len(users)
+        users |= {name for name, calls in callees.items() if calls & users}
+    own = {name for name in users if f'{_MEMORY} = alloca' in _body(text, name)}
+
+    def inserted(pointer: str) -> Callable[[re.Match[str]], str]:
+        def replacement(match: re.Match[str]) -> str:
+            if match.group(2) not in users - own:
+                return match.group()
+            comma = '' if match.group(3) == ')' else ', '
+            return f'{match.group(1)}{match.group(2)}({pointer}{comma}'
+
+        return replacement
+
+    text = called.sub(inserted(f'ptr {_MEMORY}'), defined.sub(inserted(f'ptr {_MEMORY}'), text))
+    declared = re.compile(r'^(declare [^@\n]*@)("[^"\n]*"|[\w.$-]+)\((?=([^\n]))', re.M)
+    text = declared.sub(inserted('ptr'), text)
+    return text.replace(f'declare noalias ptr @{_ALLOCATION}', f'declare ptr @{_ALLOCATION}')
+
+
+def _body(text: str, name: str) -> str:
+    """Return the intermediate code of a function; '' without one."""
+    match = re.search(rf'^define [^@\n]*@{re.escape(name)}\(.*?^}}$', text, flags=re.M | re.S)
+    return match.group() if match else ''
 
 
 def object_of(text: str, target: Target) -> bytes:
@@ -123,6 +353,10 @@ def joined_object(modules: Iterable[Any], target: Target) -> bytes:
             thing.name = f'part.{number}'
     whole.verify()
     return bytes(_machine(target).emit_object(whole))
+
+
+def _host() -> Any:
+    return llvm.Target.from_default_triple().create_target_machine()
 
 
 def _machine(target: Target) -> Any:

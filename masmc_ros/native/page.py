@@ -109,7 +109,7 @@ def page_of(file: str, settings: Sequence[str], laws: str, name: str) -> Page:
     """
     values = load_scenario(file, settings)
     simulation = _simulation(values)
-    functions = {name: entry.compiled for name, entry in entries(simulation, PLANT).items()}
+    functions = entries(simulation, PLANT)
     modules, names = [optimised(merged(functions), WEB)], list(functions)
     described: dict[str, Any] = {}
     omitted: list[str] = []
@@ -117,7 +117,7 @@ def page_of(file: str, settings: Sequence[str], laws: str, name: str) -> Page:
         tick = f'law_{len(described)}'
         try:
             own = _simulation(load_scenario(file, [*settings, *contender.settings]))
-            function = entries(own, ['control_tick'])['control_tick'].compiled
+            function = entries(own, ['control_tick'])['control_tick']
             modules.append(optimised(merged({tick: function}), WEB))
         except InputError as error:
             if laws != 'all':
@@ -151,8 +151,8 @@ def _simulation(values: Mapping[str, Values]) -> Simulation:
     simulation = exported_simulation(values, 'a page')
     if simulation.plant.mechanism is not mechanisms.DEFAULT:
         raise InputError(
-            f'robot.mechanism = {simulation.plant.mechanism.name}: a page draws'
-            f' {mechanisms.DEFAULT.name} only'
+            "robot.urdf: a page draws the paper's robot only; expected the lengths and masses of"
+            ' robot.*'
         )
     path = values['trajectory']['type']
     if path != 'line_sine':

@@ -42,3 +42,13 @@ def moved(value: float, rate: float, period: float) -> float:
 def selected(mask: int, yes: float, no: float) -> float:
     """Return one of two numbers by a mask of 1 and 0."""
     return yes if mask != 0 else no
+
+
+@formula
+def nearest(value: float) -> int:
+    """Return the nearest whole number as `round` does, without a function of a C library."""
+    whole = int(value)
+    part = value - whole
+    if abs(part) > 0.5 or (abs(part) == 0.5 and whole & 1 != 0):
+        whole += 1 if part > 0.0 else -1
+    return whole

@@ -16,18 +16,20 @@ A mechanism whose reach a straight line could leave has separate kernels, `appro
 from __future__ import annotations
 
 from masmc_ros.aliases import Array, Records
-from masmc_ros.jit.compiled import kernel
+from masmc_ros.jit.compiled import formula, kernel
+from masmc_ros.jit.dispatch import by_tag, interface
 from masmc_ros.jit.lanes import lane_of
 from masmc_ros.jit.vectors import check_workspace
 from masmc_ros.numerics.limits import clipped
 from masmc_ros.robot.approach_blend import decayed, returned, SHORTEST, task_state
+from masmc_ros.robot.declaration import formulas_of_tag
 from masmc_ros.robot.robot import Robot
 import numpy as np
 
 PEAK = 15.0 / 8.0
 """Peak velocity of a quintic from rest to rest, in multiples of distance / time."""
 
-_CONTINUOUS = 0.05
+CONTINUOUS = 0.05
 """Time in s; steps smaller than the approach speed times this value count as continuous."""
 
 
@@ -84,16 +86,53 @@ def _approach_sample(
         out[2 * n + i] = reference[2 * n + i] - (acceleration - change)
 
 
+@formula
+def duration_of(way: float, speed: float) -> float:
+    """Return the duration in s of an approach over a way in m at a speed in m/s."""
+    return max(SHORTEST, PEAK * way / speed)
+
+
 @kernel
-def _steps(before: Array, current: Array, time: float, limit: float, speed: float) -> bool:
+def steps(before: Array, current: Array, time: float, limit: float, speed: float) -> bool:
     """Return True if a reference does not continue the one `time` s earlier."""
-    steps = False
+    is_step = False
     n = len(current) // 3
     for i in range(n):
         expected = before[i] + 0.5 * time * (before[n + i] + current[n + i])
-        steps |= not abs(current[i] - expected) <= limit
-        steps |= not abs(current[n + i] - before[n + i]) <= speed
-    return steps
+        is_step |= not abs(current[i] - expected) <= limit
+        is_step |= not abs(current[n + i] - before[n + i]) <= speed
+    return is_step
+
+
+_of_record = by_tag('mechanism', formulas_of_tag)
+
+
+@interface(_of_record, _approach_start)
+def approach_start(
+    body: Records,
+    position: Array,
+    rates: Array,
+    reference: Array,
+    speed: float,
+    distance: Array,
+    motion: Array,
+    start: Array,
+) -> float:
+    """Call the kernel of the mechanism in `body`, see `_approach_start`."""
+
+
+@interface(_of_record, _approach_sample)
+def approach_sample(
+    body: Records,
+    reference: Array,
+    distance: Array,
+    motion: Array,
+    start: Array,
+    duration: float,
+    part: float,
+    out: Array,
+) -> None:
+    """Call the kernel of the mechanism in `body`, see `_approach_sample`."""
 
 
 class Approach:
@@ -137,8 +176,8 @@ class Approach:
         before, elapsed = self._before, (stamp - self._stamp) * 1e-9
         self._before, self._stamp = reference, stamp
         if before is not None and before is not reference:
-            limit = self._speed * _CONTINUOUS
-            if _steps(before, reference, elapsed, limit, self._speed):
+            limit = self._speed * CONTINUOUS
+            if steps(before, reference, elapsed, limit, self._speed):
                 self.start()
 
     def follow(self, stamp: int, position: Array, rates: Array, reference: Array) -> Array:
@@ -161,7 +200,7 @@ class Approach:
                 self._motion,
                 self._start,
             )
-            self._duration = max(SHORTEST, PEAK * way / self._speed)
+            self._duration = duration_of(way, self._speed)
         if not self.is_on:
             return reference
         part = (stamp - self._start_stamp) * 1e-9 / self._duration

@@ -44,8 +44,9 @@ In addition to the formulas the module has, in plain Python or as kernels over a
 If a straight line to the reference could leave the robot's reach, it may have:
 
     approach_start, approach_sample   kernels in place of those of `reference/approach.py`
-    regular_posture(angles, rates)    joint angles from which a law in task space can start; None
-                                      if it can start from these angles and velocities
+    unfolded(body, angles, rates)     formula of a record: whether a law in task space cannot start
+                                      from these joint angles and velocities, and angles from
+                                      which it can
 
 With a `carrier` in its declaration it has:
 

@@ -11,14 +11,20 @@ import shutil
 import subprocess
 
 from helpers.processes import PAPER
+from helpers.small_tree import hand_at_start, write_scenario
 from masmc_ros.errors import InputError
+from masmc_ros.jit.sized_records import LAYOUT
 from masmc_ros.law.registry import LAWS
+from masmc_ros.loop.closed_loop import control_tick, NOT_FINITE, plant_start
 from masmc_ros.loop.simulation import Simulation
+from masmc_ros.native.entries import OTHER_RECORDS
 from masmc_ros.native.library import write_library
 from masmc_ros.native.targets import TARGETS
 from masmc_ros.scenario.scenario import load_scenario
+import numpy as np
 import pytest
 
+SETTINGS = 'duration=1.0', 'controller.switching=implicit', 'controller.observer_gain=0.5'
 HOST = 'x86_64-linux-gnu'
 EFFECTS = (
     'plant.velocity_noise=0.002', 'plant.encoder_resolution=0.0001',
@@ -27,9 +33,6 @@ EFFECTS = (
     'plant.motor_lag=0.001', 'controller.motor_lag=0.001', 'controller.latency=0.004',
     'controller.torque_limit=40.0', 'controller.leakage=0.1',
 )  # fmt: skip
-ON_HEAP = {'null_space', 'concurrent_learning'}
-"""Laws whose matrices are on the heap."""
-
 needs_compiler = pytest.mark.skipif(shutil.which('cc') is None, reason='needs a C compiler')
 
 
@@ -47,22 +50,114 @@ def bits_here(*settings: str) -> bytes:
     return block.signals.tobytes()
 
 
-def library(folder: Path, *settings: str, targets: tuple[str, ...] = (HOST,)) -> list[Path]:
+def library(
+    folder: Path, *settings: str, targets: tuple[str, ...] = (HOST,), supervised: bool = False
+) -> list[Path]:
     values = load_scenario(str(PAPER), settings)
     chosen = {name: TARGETS[name] for name in targets}
-    return write_library(folder, 'paper', values, chosen, overwrite=False)
+    return write_library(
+        folder, 'paper', values, chosen, overwrite=False, supervised=supervised
+    )
+
+
+PROBE = """#include "paper.h"
+#include <stdio.h>
+int main(void) {
+    static struct {
+        paper_settings settings; paper_memory memory; paper_signals signals;
+        double position[PAPER_POSITION], velocity[PAPER_VELOCITY], reference[PAPER_REFERENCE];
+    } at;
+    while (fread(&at, sizeof at, 1, stdin) == 1) {
+        int64_t status = paper_control_tick(&at.settings, &at.memory, &at.signals, at.position,
+                                            at.velocity, at.reference);
+        fwrite(&status, sizeof status, 1, stdout);
+    }
+    return 0;
+}
+"""
+SANITIZERS = '-g -O1 -Wall -Werror -Wno-unused-const-variable -fsanitize=address,undefined'
+
+
+def statuses_in_c(folder: Path, cases: list[tuple[np.ndarray, ...]]) -> list[int]:
+    """Return the status of a tick with each tuple of records and inputs, under sanitizers."""
+    (folder / 'probe.c').write_text(PROBE, encoding='utf-8')
+    subprocess.run(
+        ['cc', *SANITIZERS.split(), '-fno-sanitize-recover=all', '-o', 'probe', 'probe.c',
+         f'{HOST}/libpaper.a', '-lm'], cwd=folder, check=True,
+    )  # fmt: skip
+    given = b''.join(array.tobytes() for case in cases for array in case)
+    run = subprocess.run(['./probe'], cwd=folder, input=given, capture_output=True, check=False)
+    assert run.returncode == 0, run.stderr.decode()
+    return np.frombuffer(run.stdout, np.int64).tolist()
+
+
+def damaged_cases(simulation: Simulation, count: int) -> list[tuple[np.ndarray, ...]]:
+    """Return records and inputs of a tick; numbers are NaN, infinite, huge, tiny or 0."""
+    random, controller = np.random.default_rng(5), simulation.controller
+    plant, signals = simulation.plant, simulation.plant.signals
+    plant_start(plant.settings, plant.memory, plant.delayed, signals)
+    reference = simulation.trajectory.sample(0, 1)[0]
+    start = (
+        controller.settings, controller.memory, signals,
+        signals['position'].ravel(), signals['velocity'].ravel(), reference,
+    )  # fmt: skip
+    cases = []
+    for k in range(count):
+        case = tuple(array.copy() for array in start)
+        for _ in range(k % 4):
+            array = case[random.integers(len(case))]
+            names = [name for name in array.dtype.names or () if array.dtype[name].base == 'f8']
+            numbers = array[str(random.choice(names))] if names else array
+            place = random.integers(numbers.size)
+            numbers.reshape(-1)[place] = random.choice([np.nan, np.inf, -1e308, 1e-310, 0.0])
+        cases.append(case)
+    return cases
+
+
+@pytest.fixture(scope='module')
+def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with a library of the paper's robot."""
+    folder = tmp_path_factory.mktemp('exported')
+    library(folder, *SETTINGS)
+    return folder
 
 
 @needs_compiler
-def test_library_in_c_has_the_bits_of_simulate(tmp_path: Path) -> None:
-    settings = 'duration=1.0', 'controller.switching=implicit', 'controller.observer_gain=0.5'
-    library(tmp_path, *settings)
-    assert bits_in_c(tmp_path, HOST, 'cc') == bits_here(*settings)
-    header = tmp_path / 'paper.h'
+def test_library_in_c_has_the_bits_of_simulate(exported: Path) -> None:
+    assert bits_in_c(exported, HOST, 'cc') == bits_here(*SETTINGS)
+    header = exported / 'paper.h'
     subprocess.run(['cc', '-x', 'c++', '-std=c++17', '-fsyntax-only', str(header)], check=True)
-    described = json.loads((tmp_path / 'paper.json').read_text('utf-8'))
+    described = json.loads((exported / 'paper.json').read_text('utf-8'))
     assert described['records']['settings']['fields']['k_s1']['shape'] == [4]
     assert described['parameters']['k_s1']['minimum'] == 0.0
+
+
+@needs_compiler
+def test_damaged_records_have_the_status_of_python(exported: Path) -> None:
+    simulation = Simulation(load_scenario(str(PAPER), SETTINGS))
+    simulation.controller.reset()
+    cases = damaged_cases(simulation, 400)
+    in_c = statuses_in_c(exported, cases)
+    assert in_c == [control_tick(*case) for case in cases]
+    assert {0, NOT_FINITE} <= set(in_c)
+
+
+@needs_compiler
+@pytest.mark.slow
+def test_library_of_urdf_robot_has_the_bits_of_simulate(tmp_path: Path) -> None:
+    scenario = write_scenario(tmp_path, hand_at_start(), 0.2)
+    values = load_scenario(str(scenario))
+    targets = {HOST: TARGETS[HOST]}
+    write_library(tmp_path, 'paper', values, targets, overwrite=False)
+    (block,) = Simulation(values).run()
+    assert bits_in_c(tmp_path, HOST, 'cc') == block.signals.tobytes()
+    simulation = Simulation(values)
+    simulation.controller.reset()
+    cases = damaged_cases(simulation, 100)
+    assert statuses_in_c(tmp_path, cases) == [control_tick(*case) for case in cases]
+    for case in cases:
+        case[len(cases) % 3][LAYOUT][0, 5] += 8
+    assert set(statuses_in_c(tmp_path, cases)) == {NOT_FINITE | OTHER_RECORDS}
 
 
 @needs_compiler
@@ -75,11 +170,8 @@ def test_library_with_all_effects_has_the_bits_of_simulate(tmp_path: Path, targe
         if shutil.which(program) is None:
             pytest.skip(f'needs {program}')
     settings = 'duration=2.0', *EFFECTS
-    first = library(tmp_path / 'a', *settings, targets=(target,))
-    second = library(tmp_path / 'b', *settings, targets=(target,))
-    for a, b in zip(first, second, strict=True):
-        assert a.read_bytes() == b.read_bytes()
-    assert bits_in_c(tmp_path / 'a', target, compiler, *runner) == bits_here(*settings)
+    library(tmp_path, *settings, targets=(target,), supervised=True)
+    assert bits_in_c(tmp_path, target, compiler, *runner) == bits_here(*settings)
 
 
 @needs_compiler
@@ -87,13 +179,8 @@ def test_library_with_all_effects_has_the_bits_of_simulate(tmp_path: Path, targe
 @pytest.mark.parametrize('law', LAWS)
 def test_library_of_every_law_has_the_bits_of_simulate(tmp_path: Path, law: str) -> None:
     settings = 'duration=0.5', f'controller.law={law}', 'controller.switching=tanh'
-    if law in ON_HEAP:
-        with pytest.raises(InputError, match='memory of the system'):
-            library(tmp_path, *settings)
-        assert not list(tmp_path.iterdir())
-    else:
-        library(tmp_path, *settings)
-        assert bits_in_c(tmp_path, HOST, 'cc') == bits_here(*settings)
+    library(tmp_path, *settings)
+    assert bits_in_c(tmp_path, HOST, 'cc') == bits_here(*settings)
 
 
 @pytest.mark.parametrize(
@@ -110,3 +197,13 @@ def test_library_of_run_without_kernel_is_one_line(
     with pytest.raises(InputError, match=line):
         library(tmp_path / 'library', setting)
     assert not (tmp_path / 'library').exists()
+
+
+def test_ros2_control_of_urdf_robot_is_one_line(tmp_path: Path) -> None:
+    values = load_scenario(str(write_scenario(tmp_path, hand_at_start(), 0.2)))
+    with pytest.raises(InputError, match='the compiled supervision has no records'):
+        write_library(
+            tmp_path / 'a', 'small', values, {HOST: TARGETS[HOST]}, overwrite=False,
+            ros2_control=True,
+        )  # fmt: skip
+    assert not (tmp_path / 'a').exists()

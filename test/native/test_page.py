@@ -104,5 +104,5 @@ def test_page_of_urdf_robot_is_one_line(
     file, page = tmp_path / 'small.urdf', tmp_path / 'page.html'
     file.write_text(small_tree.URDF, encoding='utf-8')
     assert main(['page', str(file), '--output', str(page)]) == 2
-    assert 'robot.urdf: a page has no records of robots from URDF' in capsys.readouterr().err
+    assert "robot.urdf: a page draws the paper's robot only" in capsys.readouterr().err
     assert not page.exists()

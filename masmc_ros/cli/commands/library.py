@@ -33,6 +33,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--target', action='append', choices=tuple(TARGETS), metavar='TARGET', help=text
     )
+    text = 'add the package of a controller for ros2_control, in the folder NAME_controller'
+    parser.add_argument('--ros2-control', action='store_true', help=text)
     add_overwrite(parser)
     add_json(parser)
 
@@ -44,11 +46,21 @@ def run(options: argparse.Namespace) -> int:
     scenario = load_scenario(file, options.set)
     # Imported here: the compiler takes time.
     from masmc_ros.native.library import write_library
+    from masmc_ros.native.ros2_control import package_name
 
     targets = {target: TARGETS[target] for target in options.target or _DEFAULT}
     folder = Path(options.output)
-    paths = write_library(folder, name, scenario, targets, overwrite=options.overwrite)
+    paths = write_library(
+        folder, name, scenario, targets, overwrite=options.overwrite,
+        ros2_control=options.ros2_control,
+    )  # fmt: skip
     print(with_sizes(paths, as_json=options.json))
     if not options.json:
         print(f'Try it: make -C {folder} && cd {folder} && ./example')
+        if options.ros2_control:
+            package = package_name(name)
+            print(
+                f'Copy {folder / package} into the src folder of a workspace, then'
+                f' colcon build --packages-select {package}'
+            )
     return 0

@@ -30,7 +30,11 @@ from masmc_ros.jit.tuples import elementwise
 from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.parts import delay_gains, moving_base
 from masmc_ros.law.parts.delay_adaptation import measured_gradient
-from masmc_ros.law.parts.delay_fields import CompensationMemory, CompensationSettings
+from masmc_ros.law.parts.delay_fields import (
+    CompensationMemory,
+    CompensationSettings,
+    HISTORY,
+)
 from masmc_ros.law.parts.delay_prediction import predicted_state, State, total_latency
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.scalars import minus, moved
@@ -153,6 +157,18 @@ def _measured_error(
     return mechanism.task_error(model, mechanism.posture(model, position), position, then)
 
 
+@formula
+def _ignored(settings: Settings, memory: Memory, periods: int) -> None:
+    return
+
+
+@formula
+def _counted(settings: CompensationSettings, memory: CompensationMemory, periods: int) -> None:
+    memory.skipped += periods
+    if memory.skipped > HISTORY:
+        memory.history_initialised = 0
+
+
 COMPENSATIONS = {
     OFF: SimpleNamespace(
         state_of_torque=_same_state,
@@ -162,6 +178,7 @@ COMPENSATIONS = {
         gradient=_tracking_gradient,
         horizon=_one_period,
         is_on=_never,
+        note_skipped=_ignored,
     ),
     ON: SimpleNamespace(
         state_of_torque=predicted_state,
@@ -171,6 +188,7 @@ COMPENSATIONS = {
         gradient=measured_gradient,
         horizon=delay_gains.horizon,
         is_on=_always,
+        note_skipped=_counted,
     ),
 }
 """Formulas by the tag `compensation` of the settings of a law."""
@@ -268,3 +286,12 @@ def horizon(settings: Settings) -> float:
 @_dispatch
 def is_on(settings: Settings | Record) -> bool:
     """Return True if d is estimated here; laws then estimate no disturbance themselves."""
+
+
+@_dispatch
+def note_skipped(settings: Settings, memory: Memory, periods: int) -> None:
+    """
+    Account for periods without a tick.
+
+    The compensation restarts if they exceed its history of commands.
+    """

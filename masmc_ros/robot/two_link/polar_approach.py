@@ -18,16 +18,16 @@ from __future__ import annotations
 
 import math
 
-from masmc_ros.aliases import Array, Records
+from masmc_ros.aliases import Array, Joints, Records
 from masmc_ros.jit.compiled import formula, kernel
 from masmc_ros.jit.lanes import lane_of
 from masmc_ros.numerics.hermite import quintic
 from masmc_ros.numerics.limits import clipped
 from masmc_ros.numerics.portable_math import angle_of, sin_cos
+from masmc_ros.numerics.scalars import nearest
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.approach_blend import decayed, returned, task_state
-import numpy as np
-from numpy.typing import NDArray
+from masmc_ros.robot.formula_types import RobotLane
 
 _STRETCHED, _BENT = 0.4, 0.8
 """Angles in rad from a stretched or folded elbow: too close to it, and regular."""
@@ -161,22 +161,19 @@ def approach_sample(
     out[9] = out[11] + along * s + across * c
 
 
-def regular_posture(
-    angles: NDArray[np.float64], rates: NDArray[np.float64]
-) -> NDArray[np.float64] | None:
+@formula
+def unfolded(body: RobotLane, angles: Joints, rates: Joints) -> tuple[bool, Joints]:
     """
-    Return joint angles (4) with a bent elbow; None if the elbow is bent and stays so.
+    Return whether the arm is stretched or folded, and joint angles (4) with a bent elbow.
 
     A law in task space cannot start with a stretched or folded arm that moves. It cannot start
     either if the joint velocities (4) in rad/s stretch or fold the arm within a quarter of a
     second.
     """
-    singular = round(float(angles[3]) / math.pi) * math.pi
-    angle = float(angles[3]) - singular
+    singular = nearest(angles[3] / math.pi) * math.pi
+    angle = angles[3] - singular
     side = math.copysign(1.0, angle)
-    soon = side * (angle + _AHEAD * float(rates[3]))
-    if side * angle >= _STRETCHED and _STRETCHED <= soon <= math.pi - _STRETCHED:
-        return None
-    bent = angles.copy()
-    bent[3] = singular + side * max(_BENT, side * angle)
-    return bent
+    soon = side * (angle + _AHEAD * rates[3])
+    is_bent = side * angle >= _STRETCHED and _STRETCHED <= soon <= math.pi - _STRETCHED
+    bent = singular + side * max(_BENT, side * angle)
+    return not is_bent, (angles[0], angles[1], angles[2], bent)

@@ -37,11 +37,7 @@ from masmc_ros.robot.two_link.dynamics import BaseParameters, Inertia, Quad, Reg
 from masmc_ros.robot.two_link.frames import frame_origins, frame_transforms
 from masmc_ros.robot.two_link.geometry import Geometry, Posture
 from masmc_ros.robot.two_link.platform_motion import base_motion
-from masmc_ros.robot.two_link.polar_approach import (
-    approach_sample,
-    approach_start,
-    regular_posture,
-)
+from masmc_ros.robot.two_link.polar_approach import approach_sample, approach_start, unfolded
 
 __all__ = [
     'approach_sample',
@@ -59,13 +55,13 @@ __all__ = [
     'payload_factors',
     'preserves_consistency',
     'reference_motion',
-    'regular_posture',
     'start',
     'task_error',
     'task_inertia',
     'theta_step',
     'tip_on_link',
     'tracking',
+    'unfolded',
 ]
 
 Pose = tuple[float, float, float]

@@ -1,0 +1,85 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Exceptions and arrays of exported functions, whose memory is on the stack of a call."""
+
+from __future__ import annotations
+
+from pathlib import Path
+import shutil
+import subprocess
+from typing import Any
+
+from masmc_ros.native.entries import Entry, FAILED, OTHER_RECORDS
+from masmc_ros.native.object_code import archive, merged, object_of
+from masmc_ros.native.targets import TARGETS
+from numba import carray, cfunc, types
+import numpy as np
+import pytest
+
+pytestmark = pytest.mark.skipif(shutil.which('cc') is None, reason='needs a C compiler')
+
+PROGRAM = """#include <pthread.h>
+#include <stdint.h>
+#include <stdio.h>
+int64_t sums(int64_t size, int64_t rounds);
+int64_t first(const int64_t *record);
+static void *many(void *out) {
+    *(int64_t *)out = sums(200, 100000);
+    return NULL;
+}
+int main(void) {
+    int64_t own[] = {1, 2, 3}, other[] = {1, 9, 3}, results[2];
+    pthread_t threads[2];
+    for (int i = 0; i < 2; i++) pthread_create(&threads[i], NULL, many, &results[i]);
+    for (int i = 0; i < 2; i++) pthread_join(threads[i], NULL);
+    int64_t values[] = {results[0], results[1], sums(1000, 1), sums(1100, 1), sums(-1, 1),
+                        sums(INT64_MAX, 1), sums(10, 1), first(own), first(other)};
+    for (int i = 0; i < 9; i++) printf("%d ", (int)values[i]);
+    return 0;
+}
+"""
+
+
+def _sums(size: int, rounds: int) -> int:
+    total = 0.0
+    for _ in range(rounds):
+        a, b = np.empty(size), np.empty(size)
+        for i in range(size):
+            a[i], b[i] = 1.0, 2.0
+        total = 0.0
+        for i in range(size):
+            total += a[size - 1 - i] + b[i]
+    return int(total)
+
+
+def _first(record: Any) -> int:
+    return int(carray(record, 3)[2])
+
+
+def _code() -> bytes:
+    number = types.int64
+    kinds = {'sums': number(number, number), 'first': number(types.CPointer(number))}
+    layouts = {'sums': (b'', b''), 'first': (np.array([1, 2]).tobytes(),)}
+    entries = {
+        name: Entry(
+            cfunc(kinds[name], error_model='numpy')(function), (), '', FAILED, layouts[name]
+        )
+        for name, function in (('sums', _sums), ('first', _first))
+    }  # fmt: skip
+    code = object_of(merged(entries), TARGETS['x86_64-linux-gnu'])
+    return archive('sums.o', code, list(entries))
+
+
+def test_exceptions_and_full_memory_are_statuses(tmp_path: Path) -> None:
+    code = _code()
+    assert code == _code()
+    (tmp_path / 'sums.a').write_bytes(code)
+    (tmp_path / 'main.c').write_text(PROGRAM, encoding='utf-8')
+    command = 'cc -g -fsanitize=address,undefined -o main main.c sums.a -lpthread'
+    subprocess.run(command.split(), cwd=tmp_path, check=True)
+    run = subprocess.run(['./main'], cwd=tmp_path, capture_output=True, check=True)
+    # A full memory, a negative size, and a size of more than all addresses.
+    failed = [FAILED] * 3
+    expected = [600, 600, 3000, *failed, 30, 3, 2 | OTHER_RECORDS]
+    assert run.stdout.decode().split() == [str(value) for value in expected]
