@@ -197,7 +197,7 @@ def test_library_of_run_without_kernel_is_one_line(
 
 def test_ros2_control_of_urdf_robot_is_one_line(tmp_path: Path) -> None:
     values = load_scenario(str(write_scenario(tmp_path, hand_at_start(), 0.2)))
-    with pytest.raises(InputError, match='robot.urdf: the compiled supervision has no records'):
+    with pytest.raises(InputError, match='the compiled supervision has no records'):
         write_library(
             tmp_path / 'a', 'small', values, {HOST: TARGETS[HOST]}, overwrite=False,
             ros2_control=True,
