@@ -2,11 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Lateness and duration of `update` of a generated controller at 1 kHz, next to busy loops.
+Jitter of a generated controller: `python -m benchmarks.ros2_control_jitter [SECONDS]`.
 
-python benchmarks/ros2_control_jitter.py [SECONDS]
-
-The harness of the tests calls the controller from clock_nanosleep, as the controller manager does.
+The figures are lateness and duration of `update` at 1 kHz, next to busy loops. The harness of the
+tests calls it from clock_nanosleep, as the controller manager does.
 Each run is repeated with SCHED_FIFO if `chrt` may set it. benchmarks/real_time.py has the same
 figures of the Python node.
 """
@@ -27,27 +26,36 @@ from masmc_ros.native.targets import TARGETS
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 
-SOURCES = Path(__file__).parents[1] / 'test' / 'native' / 'ros2_control'
+ROOT = Path(__file__).parents[1]
+SOURCES = ROOT / 'test' / 'native' / 'ros2_control'
+PAPER = str(ROOT / 'config' / 'paper.yaml')
+DURATION = 'duration=2.0'
+HEADER = r'#include "((?!paper).*\.hpp)"'
+"""Headers of ROS 2 that the generated sources include."""
+
 FIFO = ('chrt', '--fifo', '80')
 
 
 def built(folder: Path) -> Path:
-    """Return the harness, compiled with stand-in headers."""
+    """Write a package into a folder, and return the harness, compiled with stand-in headers."""
     target = f'{os.uname().machine}-linux-gnu'
-    scenario = load_scenario('config/paper.yaml', ('duration=2.0',))
     targets = {target: TARGETS[target]}
-    write_library(folder, 'paper', scenario, targets, overwrite=True, ros2_control=True)
+    write_library(
+        folder, 'paper', load_scenario(PAPER, (DURATION,)), targets,
+        overwrite=True, ros2_control=True,
+    )  # fmt: skip
     package = folder / 'paper_controller'
     sources = [package / 'src/controller.cpp', package / 'include/paper_controller/controller.hpp']
     for source in sources:
-        for name in re.findall(r'#include "((?!paper).*\.hpp)"', source.read_text('utf-8')):
+        for name in re.findall(HEADER, source.read_text('utf-8')):
             stand_in = folder / 'include' / name
             stand_in.parent.mkdir(parents=True, exist_ok=True)
             stand_in.write_text('#include "stand_in.hpp"\n', 'utf-8')
     includes = (folder / 'include', SOURCES, package / 'include', package / 'library')
     subprocess.run(
         [
-            'c++', '-std=c++17', '-O2', *(f'-I{include}' for include in includes),
+            'c++', '-std=c++17', '-O2', '-Wall', '-Wextra', '-Werror',
+            *(f'-I{include}' for include in includes),
             '-o', folder / 'harness', SOURCES / 'harness.cpp', sources[0],
             package / 'library' / target / 'libpaper.a', '-ldl',
         ],

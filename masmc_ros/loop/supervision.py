@@ -20,7 +20,7 @@ from masmc_ros.jit.arrays import array_of, changeable, to_vector
 from masmc_ros.jit.compiled import formula, kernel
 from masmc_ros.jit.field import Field
 from masmc_ros.jit.lanes import lane_of
-from masmc_ros.jit.record import copy_nan, copy_to, fill, new_record
+from masmc_ros.jit.record import AT_RUN_TIME, copy_nan, copy_to, fill, new_record
 from masmc_ros.jit.tuples import elementwise, joined, tail, thirds
 from masmc_ros.law.command_interface import COMMAND_INTERFACE, COMMAND_INTERFACES, EFFORT
 from masmc_ros.law.parts.delay_compensation import note_skipped
@@ -31,6 +31,7 @@ from masmc_ros.loop.controller import Controller
 from masmc_ros.numerics.scalars import nearest, zero
 from masmc_ros.params.declaration import Values
 from masmc_ros.reference import approach
+from masmc_ros.robot.declaration import Mechanism
 
 INACTIVE, ACTIVE, FAULT = 0, 1, 2
 """Modes."""
@@ -120,10 +121,14 @@ FIELDS = (
 )  # fmt: skip
 
 
-def is_supervised(values: Values) -> bool:
-    """Return True if the supervision is compiled for the parameter values of a controller."""
+def is_supervised(mechanism: Mechanism, values: Values) -> bool:
+    """
+    Return True if the supervision is compiled for a mechanism and values of a controller.
+
+    It is not for sizes that are read at run time.
+    """
     interface: str = values[COMMAND_INTERFACE.name]
-    return interface == COMMAND_INTERFACES[EFFORT]
+    return interface == COMMAND_INTERFACES[EFFORT] and AT_RUN_TIME not in mechanism.sizes
 
 
 def supervision_record(controller: Controller, state_timeout: float) -> Records:

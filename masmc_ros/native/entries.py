@@ -77,7 +77,7 @@ def records_of(simulation: Simulation) -> dict[str, Records]:
         'settings': controller.settings, 'memory': controller.memory, 'signals': plant.signals,
         'plant_settings': plant.settings, 'plant_memory': plant.memory,
     }  # fmt: skip
-    if is_supervised(controller.values) and not has_layout(controller.settings.dtype):
+    if is_supervised(controller.mechanism, controller.values):
         records['supervision'] = supervision_record(
             controller, state_timeout(controller.values)
         )

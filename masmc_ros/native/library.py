@@ -28,6 +28,7 @@ from masmc_ros.native.entries import (
     entries,
     Entry,
     FAILED,
+    LIBRARY,
     OTHER_RECORDS,
     records_of,
     SUPERVISION,
@@ -70,6 +71,7 @@ def write_library(
     targets: Mapping[str, Target],
     *,
     overwrite: bool,
+    supervised: bool = True,
     ros2_control: bool = False,
 ) -> list[Path]:
     """
@@ -87,8 +89,10 @@ def write_library(
         Processors by name, see `targets.TARGETS`.
     overwrite
         True to replace existing files.
+    supervised
+        False to leave out the supervision, which takes a third of the time.
     ros2_control
-        True to add the package of a controller for ros2_control.
+        True to add the package of a controller for ros2_control, which needs the supervision.
 
     Raises
     ------
@@ -112,12 +116,8 @@ def write_library(
     if ros2_control:
         check_supervised(values['controller'])
     simulation = exported_simulation(values, 'a library')
-    if ros2_control and 'supervision' not in records_of(simulation):
-        raise InputError(
-            'robot.urdf: the compiled supervision has no records of robots from URDF files;'
-            " expected the paper's robot for a controller for ros2_control"
-        )
-    found = entries(simulation)
+    names = [entry for entry in LIBRARY if supervised or entry not in SUPERVISION]
+    found = entries(simulation, names)
     functions = {f'{name}_{entry}': function for entry, function in found.items()}
     text = merged(functions)
     contents = {
@@ -221,6 +221,7 @@ def _described(
         'records': [
             _record(key, record, descriptions.get(key, {}))
             for key, record in records_of(simulation).items()
+            if key != 'supervision' or set(SUPERVISION) <= found.keys()
         ],
         'functions': {
             entry: {
@@ -310,7 +311,10 @@ def _json(described: Mapping[str, Any], simulation: Simulation) -> str:
         }
         for record in described['records']
     }
-    names = ('name', 'version', 'law', 'switching', 'period', 'sizes', 'delay_line', 'statuses')
+    names = (
+        'name', 'version', 'law', 'switching', 'period', 'sizes', 'delay_line', 'statuses',
+        'supervision',
+    )  # fmt: skip
     return json_text({
         **{key: described[key] for key in names},
         'parameters': parameters,

@@ -49,6 +49,6 @@ def nearest(value: float) -> int:
     """Return the nearest whole number as `round` does, without a function of a C library."""
     whole = int(value)
     part = value - whole
-    if abs(part) > 0.5 or (abs(part) == 0.5 and whole % 2 != 0):
+    if abs(part) > 0.5 or (abs(part) == 0.5 and whole & 1 != 0):
         whole += 1 if part > 0.0 else -1
     return whole

@@ -50,10 +50,14 @@ def bits_here(*settings: str) -> bytes:
     return block.signals.tobytes()
 
 
-def library(folder: Path, *settings: str, targets: tuple[str, ...] = (HOST,)) -> list[Path]:
+def library(
+    folder: Path, *settings: str, targets: tuple[str, ...] = (HOST,), supervised: bool = False
+) -> list[Path]:
     values = load_scenario(str(PAPER), settings)
     chosen = {name: TARGETS[name] for name in targets}
-    return write_library(folder, 'paper', values, chosen, overwrite=False)
+    return write_library(
+        folder, 'paper', values, chosen, overwrite=False, supervised=supervised
+    )
 
 
 PROBE = """#include "paper.h"
@@ -166,7 +170,7 @@ def test_library_with_all_effects_has_the_bits_of_simulate(tmp_path: Path, targe
         if shutil.which(program) is None:
             pytest.skip(f'needs {program}')
     settings = 'duration=2.0', *EFFECTS
-    library(tmp_path, *settings, targets=(target,))
+    library(tmp_path, *settings, targets=(target,), supervised=True)
     assert bits_in_c(tmp_path, target, compiler, *runner) == bits_here(*settings)
 
 

@@ -7,24 +7,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-import re
 import shutil
 import subprocess
 from typing import NamedTuple
 from xml.etree import ElementTree
 
-from helpers.processes import PAPER
+from benchmarks.ros2_control_jitter import built, DURATION, PAPER
 from masmc_ros.errors import InputError
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.native.library import write_library
-from masmc_ros.native.targets import TARGETS
 from masmc_ros.scenario.scenario import load_scenario
 import pytest
 import yaml
 
-HOST = 'x86_64-linux-gnu'
-SOURCES = Path(__file__).with_name('ros2_control')
-DURATION = 'duration=2.0'
 EVENTS = """\
 active
 start: torque
@@ -66,32 +61,10 @@ class Harness(NamedTuple):
         )
 
 
-def headers(source: str) -> set[str]:
-    """Return the headers of ROS that a source includes."""
-    return set(re.findall(r'#include "((?!paper).*\.hpp)"', source))
-
-
 @pytest.fixture(scope='module')
 def harness(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Harness]:
     folder = tmp_path_factory.mktemp('library')
-    values, targets = load_scenario(str(PAPER), (DURATION,)), {HOST: TARGETS[HOST]}
-    write_library(folder, 'paper', values, targets, overwrite=True, ros2_control=True)
-    package = folder / 'paper_controller'
-    sources = (package / 'src/controller.cpp', package / 'include/paper_controller/controller.hpp')
-    for header in set().union(*(headers(source.read_text('utf-8')) for source in sources)):
-        stand_in = folder / 'include' / header
-        stand_in.parent.mkdir(parents=True, exist_ok=True)
-        stand_in.write_text('#include "stand_in.hpp"\n', 'utf-8')
-    includes = (folder / 'include', SOURCES, package / 'include', package / 'library')
-    subprocess.run(
-        [
-            'c++', '-std=c++17', '-O1', '-Wall', '-Wextra', '-Werror',
-            *(f'-I{include}' for include in includes), '-o', folder / 'harness',
-            SOURCES / 'harness.cpp', sources[0], package / 'library' / HOST / 'libpaper.a', '-ldl',
-        ],
-        check=True,
-    )  # fmt: skip
-    yield Harness(package, folder / 'harness')
+    yield Harness(folder / 'paper_controller', built(folder))
     shutil.rmtree(folder)
 
 
@@ -103,7 +76,7 @@ def test_controller_torques_are_those_of_simulate(
 ) -> None:
     run = harness.run('run', speed)
     settings = DURATION, f'controller.approach_on_start={approaches}'
-    (block,) = Simulation(load_scenario(str(PAPER), settings)).run()
+    (block,) = Simulation(load_scenario(PAPER, settings)).run()
     assert run.stdout == block.torque.tobytes()
     assert run.stderr.splitlines()[-1] == b'0 allocations, 0 locks'
 
@@ -125,7 +98,7 @@ def test_package_files_agree_in_names_and_parameters(harness: Harness) -> None:
     kind = parameters['controller_manager']['ros__parameters']['paper_controller']['type']
     assert plugin[0].get('name') == kind
     assert plugin.get('path') == manifest.findtext('name') == package.name
-    values = load_scenario(str(PAPER))['controller']
+    values = load_scenario(PAPER)['controller']
     given = parameters['paper_controller']['ros__parameters']
     gains = given.keys() & values.keys()
     assert {'k_s1', 'gamma', 'projection.lower', 'torque_limit', 'fault_action'} <= gains
@@ -138,9 +111,9 @@ def test_package_files_agree_in_names_and_parameters(harness: Harness) -> None:
 
 def test_controller_of_velocities_is_one_line(tmp_path: Path) -> None:
     values = load_scenario(
-        str(PAPER), ('controller.command_interface=velocity', 'plant.command_interface=velocity')
+        PAPER, ('controller.command_interface=velocity', 'plant.command_interface=velocity')
     )
-    with pytest.raises(InputError, match='command_interface = velocity: expected effort'):
+    with pytest.raises(InputError, match='velocity: expected effort'):
         write_library(
             tmp_path / 'new', 'paper', values, {}, overwrite=False, ros2_control=True
         )

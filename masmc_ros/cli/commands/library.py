@@ -46,6 +46,7 @@ def run(options: argparse.Namespace) -> int:
     scenario = load_scenario(file, options.set)
     # Imported here: the compiler takes time.
     from masmc_ros.native.library import write_library
+    from masmc_ros.native.ros2_control import package_name
 
     targets = {target: TARGETS[target] for target in options.target or _DEFAULT}
     folder = Path(options.output)
@@ -56,4 +57,10 @@ def run(options: argparse.Namespace) -> int:
     print(with_sizes(paths, as_json=options.json))
     if not options.json:
         print(f'Try it: make -C {folder} && cd {folder} && ./example')
+        if options.ros2_control:
+            package = package_name(name)
+            print(
+                f'Copy {folder / package} into the src folder of a workspace, then'
+                f' colcon build --packages-select {package}'
+            )
     return 0
