@@ -11,6 +11,7 @@ from functools import partial
 from importlib.util import find_spec
 import multiprocessing
 from pathlib import Path
+import platform
 import shutil
 import subprocess
 import tempfile
@@ -24,6 +25,8 @@ from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import closed_loop, plant_start
 from masmc_ros.loop.simulated_robot import delay_line
 from masmc_ros.loop.simulation import Simulation
+from masmc_ros.native.library import write_library
+from masmc_ros.native.targets import TARGETS
 from masmc_ros.scenario.scenario import load_scenario
 from masmc_ros.share import shared_file
 import numpy as np
@@ -54,8 +57,39 @@ WITH_LATENCY = (
 )
 """Settings of a run with compensated latency."""
 
+LIBRARY_CLAIM = 0.14
+"""Documented ratio of a tick of a library from C to the call from Python."""
+
 OWN_CLAIM, TREE_CLAIM, PROCESSES_CLAIM = 0.16, 22.5, 2.0
 """Documented ratios in parallel with separate disturbances, of TIAGo, and of two processes."""
+
+
+_TICKS_IN_C = """#include "paper.h"
+#include <stdio.h>
+#include <stdlib.h>
+#include <time.h>
+int main(int argc, char **argv) {
+    paper_settings settings = paper_settings_initial;
+    paper_memory memory = paper_memory_initial;
+    paper_signals signals = paper_signals_initial;
+    paper_plant_settings robot = paper_plant_settings_initial;
+    paper_plant_memory state = paper_plant_memory_initial;
+    static double line[PAPER_DELAY_LINE], reference[PAPER_REFERENCE];
+    double position[PAPER_POSITION], velocity[PAPER_VELOCITY];
+    FILE *path = fopen("reference.bin", "rb");
+    if (argc < 2 || !path || fread(reference, sizeof reference, 1, path) != 1) return 1;
+    paper_plant_start(&robot, &state, line, &signals);
+    for (int i = 0; i < PAPER_POSITION; i++) position[i] = signals.position[i];
+    for (int i = 0; i < PAPER_VELOCITY; i++) velocity[i] = signals.velocity[i];
+    struct timespec start, end;
+    clock_gettime(CLOCK_MONOTONIC, &start);
+    for (long i = atol(argv[1]); i > 0; i--)
+        paper_control_tick(&settings, &memory, &signals, position, velocity, reference);
+    clock_gettime(CLOCK_MONOTONIC, &end);
+    printf("%.9f", end.tv_sec - start.tv_sec + 1e-9 * (end.tv_nsec - start.tv_nsec));
+    return 0;
+}
+"""
 
 
 def run_seconds(
@@ -91,6 +125,26 @@ def tick_seconds(
         plant.advance(controller.torque)
     end = time.perf_counter()
     return (middle - start) / repeats, (end - middle) / repeats
+
+
+def library_seconds(repeats: int = 1_000_000) -> float | None:
+    """Return the time of one control tick of a library from C, in s; None without a compiler."""
+    compiler, target = shutil.which('cc'), f'{platform.machine()}-linux-gnu'
+    if compiler is None or target not in TARGETS:
+        return None
+    values = load_scenario(str(shared_file('config', 'paper.yaml')), ())
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        chosen = {target: TARGETS[target]}
+        write_library(folder, 'paper', values, chosen, overwrite=False)
+        (folder / 'tick.c').write_text(_TICKS_IN_C, encoding='utf-8')
+        library = f'{target}/libpaper.a'
+        command = [compiler, '-O2', '-o', 'tick', 'tick.c', library, '-lm']
+        subprocess.run(command, cwd=folder, check=True)
+        output = subprocess.run(
+            ['./tick', str(repeats)], cwd=folder, check=True, capture_output=True, text=True
+        ).stdout
+    return float(output) / repeats
 
 
 def c_seconds(*, is_processor_time: bool = False) -> float | None:
@@ -210,6 +264,10 @@ def measures() -> Iterator[Measure]:
     control, plant = tick_seconds()
     tick = Measure('control tick from Python', 1e6 * control, 'us')
     yield tick
+    in_library = library_seconds()
+    if in_library is not None:
+        name = 'the same of a library, from C'
+        yield compared(name, 1e6 * in_library, 'us', tick, LIBRARY_CLAIM)
     with_latency = 1e6 * tick_seconds(settings=WITH_LATENCY)[0]
     yield compared('the same, smc, implicit, latency 10 ms', with_latency, 'us', tick)
     yield Measure('plant tick from Python', 1e6 * plant, 'us')

@@ -161,6 +161,9 @@ declare double @llvm.sqrt.f64(double)
 
 _ALLOCATION, _RELEASE = 'NRT_MemInfo_alloc_aligned', 'NRT_decref'
 
+_SIZED = 'SizedRecord'
+"""Part of the names of functions with sizes at run time."""
+
 _AVAILABLE = {'memcpy', 'memset'}
 """Functions that every C compiler expects to find."""
 
@@ -336,7 +339,10 @@ def optimised(text: str, target: Target) -> Any:
     for name, value in (('triple', target.triple), ('datalayout', str(machine.target_data))):
         text = re.sub(rf'^target {name} = .*$', f'target {name} = "{value}"', text, flags=re.M)
     module = llvm.parse_assembly(text)
-    passes = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=3))
+    # Code for robots from URDFs is optimised already, and no size in it becomes a constant.
+    level = 0 if _SIZED in text else 3
+    options = llvm.create_pipeline_tuning_options(speed_level=level)
+    passes = llvm.create_pass_builder(machine, options)
     passes.getModulePassManager().run(module, passes)
     check(module)
     return module

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 import json
 from pathlib import Path
 import shutil
@@ -15,11 +16,12 @@ from helpers.small_tree import hand_at_start, write_scenario
 from masmc_ros.errors import InputError
 from masmc_ros.jit.sized_records import LAYOUT
 from masmc_ros.law.registry import LAWS
-from masmc_ros.loop.closed_loop import control_tick, NOT_FINITE, plant_start
+from masmc_ros.loop.closed_loop import control_tick, NOT_FINITE, plant_start, plant_tick
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.native.entries import OTHER_RECORDS
 from masmc_ros.native.library import write_library
 from masmc_ros.native.targets import TARGETS
+from masmc_ros.params.declaration import Values
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
@@ -48,6 +50,24 @@ def bits_in_c(folder: Path, target: str, compiler: str, *runner: str) -> bytes:
 def bits_here(*settings: str) -> bytes:
     (block,) = Simulation(load_scenario(str(PAPER), settings)).run()
     return block.signals.tobytes()
+
+
+def bits_of_ticks(values: Mapping[str, Values]) -> bytes:
+    """Return the signals by single ticks, whose kernels the library has compiled already."""
+    simulation = Simulation(values)
+    controller, plant = simulation.controller, simulation.plant
+    controller.reset()
+    assert simulation.timing.last is not None
+    ticks, signals, bits = simulation.timing.last + 1, plant.signals, b''
+    robot = plant.settings, plant.memory, plant.delayed
+    plant_start(*robot, signals)
+    for k, reference in enumerate(simulation.trajectory.sample(0, ticks)):
+        state = signals['position'].ravel(), signals['velocity'].ravel()
+        control_tick(controller.settings, controller.memory, signals, *state, reference)
+        bits += signals.tobytes()
+        if k < ticks - 1:
+            plant_tick(*robot, k, signals)
+    return bits
 
 
 def library(
@@ -144,19 +164,18 @@ def test_damaged_records_have_the_status_of_python(exported: Path) -> None:
 
 @needs_compiler
 @pytest.mark.slow
-def test_library_of_urdf_robot_has_the_bits_of_simulate(tmp_path: Path) -> None:
+def test_library_of_urdf_robot_has_the_bits_of_python(tmp_path: Path) -> None:
     scenario = write_scenario(tmp_path, hand_at_start(), 0.2)
     values = load_scenario(str(scenario))
     targets = {HOST: TARGETS[HOST]}
     write_library(tmp_path, 'paper', values, targets, overwrite=False)
-    (block,) = Simulation(values).run()
-    assert bits_in_c(tmp_path, HOST, 'cc') == block.signals.tobytes()
+    assert bits_in_c(tmp_path, HOST, 'cc') == bits_of_ticks(values)
     simulation = Simulation(values)
     simulation.controller.reset()
     cases = damaged_cases(simulation, 100)
     assert statuses_in_c(tmp_path, cases) == [control_tick(*case) for case in cases]
-    for case in cases:
-        case[len(cases) % 3][LAYOUT][0, 5] += 8
+    for k, case in enumerate(cases):
+        case[k % 3][LAYOUT][0, 5] += 8
     assert set(statuses_in_c(tmp_path, cases)) == {NOT_FINITE | OTHER_RECORDS}
 
 
