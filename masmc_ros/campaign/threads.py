@@ -11,7 +11,7 @@ from itertools import islice
 import os
 from threading import Event
 
-from masmc_ros.campaign.part import Rows, rows
+from masmc_ros.campaign.part import Device, Rows, rows
 from masmc_ros.campaign.runs import Description
 
 Part = tuple[int, int]
@@ -26,7 +26,7 @@ def processors() -> int:
 
 
 def computed(
-    campaign: Description, parts: Iterable[Part], threads: int
+    campaign: Description, parts: Iterable[Part], threads: int, device: Device | None = None
 ) -> Generator[Rows, None, None]:
     """
     Yield the rows of parts in the order of completion.
@@ -42,6 +42,8 @@ def computed(
         First run and number of runs of each part.
     threads
         Number of threads.
+    device
+        Device that computes the runs which the threads prepare; None: the threads compute them.
 
     """
     stop, waiting = Event(), iter(parts)
@@ -50,7 +52,7 @@ def computed(
         try:
             while True:
                 for part in islice(waiting, threads + 1 - len(running)):
-                    running.add(pool.submit(rows, campaign, *part, stop.is_set))
+                    running.add(pool.submit(rows, campaign, *part, stop.is_set, device))
                 if not running:
                     return
                 done, running = wait(running, return_when=FIRST_COMPLETED)
