@@ -24,6 +24,7 @@ from masmc_ros.campaign.summary import (
     values_by_point,
 )
 from masmc_ros.cli.arguments import (
+    add_device,
     add_file,
     add_json,
     add_output,
@@ -56,10 +57,7 @@ def add_campaign(parser: argparse.ArgumentParser, folder: str) -> None:
     )  # fmt: skip
     add_output(parser, folder)
     add_workers(parser)
-    parser.add_argument(
-        '--device', default=CPU, metavar='NAME', help='cuda: compute on a GPU, here or of each '
-        'worker; experimental (%(default)s)',
-    )  # fmt: skip
+    add_device(parser)
     add_json(parser)
 
 

@@ -227,11 +227,9 @@ class Cuda(Accelerator):
     def load(self, code: str) -> Callable[..., None]:
         """Return a function of the code, see `Accelerator`."""
         driver = self._driver
-        text = ptx(code, self._capability)
-        kernel = self._call(
-            driver.cuModuleGetFunction,
-            self._call(driver.cuModuleLoadData, text.encode() + b'\0'), KERNEL.encode(),
-        )  # fmt: skip
+        text = np.frombuffer(ptx(code, self._capability).encode() + b'\0', np.uint8)
+        module = self._call(driver.cuModuleLoadData, text.ctypes.data)
+        kernel = self._call(driver.cuModuleGetFunction, module, KERNEL.encode())
         kinds = (ctypes.c_int64,) * ARGUMENTS
 
         def launch(lanes: int, *arguments: int) -> None:
