@@ -83,6 +83,7 @@ setup(
             f'ros-jazzy-common-interfaces; {WHEELS}',
         ],
         'completion': ['argcomplete'],
+        'gpu': ['cuda-bindings>=12.8,<14'],
         'identify': ['clarabel>=0.11,<0.12', 'scipy'],
         'learning': ['gymnasium>=1.1,<2', 'scipy'],
         'mujoco': ['mujoco-core>=4.0,<4.1'],

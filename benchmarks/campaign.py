@@ -180,7 +180,7 @@ def _of_kinds(count: int) -> Iterator[Measure]:
         yield measure
 
 
-def _campaign(runs: int, *settings: str, file: str = 'paper') -> Campaign:
+def campaign_of_robots(runs: int, *settings: str, file: str = 'paper') -> Campaign:
     """Return the campaign of the commands, or one of another robot, with further settings."""
     is_paper = file == 'paper'
     draws = DRAWS if is_paper else ('controller.k_s1=uniform:80:120',)
@@ -205,7 +205,7 @@ def _of_clusters(sizes: Sizes) -> Iterator[Measure]:
     """Yield the throughput of threads and of Dask workers, and the cost of a part."""
     from distributed import LocalCluster
 
-    campaign = _campaign(sizes.runs)
+    campaign = campaign_of_robots(sizes.runs)
     rows(campaign, 0, LANES)
     threads = Measure('runs/s in one thread', _throughput(campaign, threads=1)[0], '/s')
     yield threads
@@ -216,7 +216,7 @@ def _of_clusters(sizes: Sizes) -> Iterator[Measure]:
         ) as cluster, cluster.get_client() as client:
             # All processes have imported and compiled before the measurement.
             client.run(rows_of_text, Campaign, campaign.text, 0, LANES)
-            _throughput(_campaign(LANES), scheduler=cluster.scheduler_address)
+            _throughput(campaign_of_robots(LANES), scheduler=cluster.scheduler_address)
             rate, own = _throughput(campaign, scheduler=cluster.scheduler_address)
             workers = 'Dask worker' if count == 1 else 'Dask workers'
             yield compared(f'the same, {count} {workers}', rate, '/s', threads)
@@ -231,7 +231,7 @@ def _short_parts(count: int, scheduler: str) -> Measure:
     """Return the time of a part on one worker in addition to that of its runs."""
     from masmc_ros.campaign.dask import Cluster
 
-    campaign = _campaign(count * LANES, 'duration=0.002')
+    campaign = campaign_of_robots(count * LANES, 'duration=0.002')
     parts = list(campaign.parts(LANES))
     start = time.perf_counter()
     for part in parts:
@@ -246,7 +246,7 @@ def _short_parts(count: int, scheduler: str) -> Measure:
 
 def _of_trees(count: int) -> Iterator[Measure]:
     """Yield the time of runs of TIAGo one by one and in lanes."""
-    campaign = _campaign(count, 'duration=1.0', file='tiago')
+    campaign = campaign_of_robots(count, 'duration=1.0', file='tiago')
     runs = list(campaign.runs(0, count))
     reference = None
     for lanes in (1, LANES):

@@ -16,6 +16,7 @@ from masmc_ros.errors import UserError
 
 PACKAGES = {
     'clarabel': 'clarabel',
+    'cuda': 'cuda-bindings',
     'distributed': 'distributed',
     'gymnasium': 'gymnasium',
     'lz4': 'lz4',

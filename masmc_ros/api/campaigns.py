@@ -16,7 +16,9 @@ from masmc_ros.campaign.axes import axis
 from masmc_ros.campaign.campaign import Campaign, campaign_of
 from masmc_ros.campaign.draws import draw as parsed_draw
 from masmc_ros.campaign.engine import carry_out
+from masmc_ros.campaign.part import CPU, OpenDevice
 from masmc_ros.errors import InputError
+from masmc_ros.native.device import device_option
 from masmc_ros.params.declaration import Values
 from masmc_ros.params.text import yaml_text
 import pyarrow as pa
@@ -35,6 +37,7 @@ def sweep(
     output: str | Path | None = None,
     threads: int = 0,
     scheduler: str = '',
+    device: str = CPU,
     **values: object,
 ) -> pa.Table:
     """
@@ -60,6 +63,8 @@ def sweep(
         Number of threads; 0: one for each processor.
     scheduler
         Address of a Dask scheduler, which has priority over threads.
+    device
+        `cpu`, or `cuda` for a GPU, here or of each worker.
 
     Returns
     -------
@@ -87,7 +92,7 @@ def sweep(
         seed=whole('seed', seed),
         sobol=sobol,
     )
-    return _table(campaign, output, threads, scheduler)
+    return _table(campaign, output, threads, scheduler, device_option(device))
 
 
 def monte_carlo(
@@ -101,6 +106,7 @@ def monte_carlo(
     output: str | Path | None = None,
     threads: int = 0,
     scheduler: str = '',
+    device: str = CPU,
     **values: object,
 ) -> pa.Table:
     """
@@ -112,7 +118,7 @@ def monte_carlo(
         Distributions by name: `{'plant.robot.link_2_mass': 'uniform:0.6:1.4'}`.
     runs
         Number of runs.
-    scenario, seed, sobol, settings, output, threads, scheduler, values
+    scenario, seed, sobol, settings, output, threads, scheduler, device, values
         As for `sweep`.
 
     Returns
@@ -127,7 +133,7 @@ def monte_carlo(
     """
     return sweep(
         scenario, {}, draw=draw, runs=runs, seed=seed, sobol=sobol, settings=settings,
-        output=output, threads=threads, scheduler=scheduler, **values,
+        output=output, threads=threads, scheduler=scheduler, device=device, **values,
     )  # fmt: skip
 
 
@@ -140,7 +146,11 @@ def _text(name: str, entries: str | Sequence[object]) -> str:
 
 
 def _table(
-    campaign: Campaign, output: str | Path | None, threads: int, scheduler: str
+    campaign: Campaign,
+    output: str | Path | None,
+    threads: int,
+    scheduler: str,
+    device: OpenDevice | None,
 ) -> pa.Table:
     threads = whole('threads', threads)
     if campaign.notice:
@@ -149,6 +159,6 @@ def _table(
     with TemporaryDirectory() as temporary, progress:
         dataset = carry_out(
             campaign, Path(output or temporary), threads=threads, scheduler=scheduler,
-            advance=progress.update,
+            device=device, advance=progress.update,
         )  # fmt: skip
         return dataset.table()

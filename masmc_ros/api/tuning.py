@@ -13,12 +13,14 @@ from masmc_ros.api.scenario import load, Scenario
 from masmc_ros.api.settings import whole
 from masmc_ros.campaign.campaign import campaign_of
 from masmc_ros.campaign.draws import draw as parsed_draw
+from masmc_ros.campaign.part import CPU
 from masmc_ros.campaign.summary import metric_named
 from masmc_ros.campaign.tune import Evaluation, FORM, searched, tuned, Tuning, variables_of
 from masmc_ros.campaign.tuned_file import BaseFile
 from masmc_ros.campaign.variable import Variable
 from masmc_ros.child_process import processors
 from masmc_ros.errors import InputError
+from masmc_ros.native.device import device_option
 from masmc_ros.output_files import write_file
 from masmc_ros.params.declaration import Values
 from masmc_ros.report.measure.table import Column
@@ -105,6 +107,7 @@ def tune(
     sobol: bool = False,
     settings: Values | None = None,
     threads: int = 0,
+    device: str = CPU,
     **values: object,
 ) -> TunedScenario:
     """
@@ -133,6 +136,8 @@ def tune(
         True if the draws are points of a Sobol sequence.
     threads
         Number of threads; 0: one for each processor.
+    device
+        `cpu`, or `cuda` for a GPU.
 
     Raises
     ------
@@ -153,6 +158,7 @@ def tune(
         seed=whole('seed', seed),
         sobol=sobol,
         threads=whole('threads', threads),
+        device=device,
     )
 
 
@@ -168,6 +174,7 @@ def search(
     seed: int,
     sobol: bool,
     threads: int,
+    device: str,
 ) -> TunedScenario:
     """Search gains as `tune` does, with ranges and draws as texts NAME=VALUE of the command."""
     base = BaseFile.read(scenario.file, scenario.settings)
@@ -184,6 +191,7 @@ def search(
         count = 1 if isinstance(objectives, str) else len(objectives)
         raise InputError(f'--objective: {count} given; expected two')
     first, second = (metric_named(campaign, name, '--objective') for name in objectives)
+    open_device = device_option(device)
     evaluate = Evaluation(
         list(campaign.runs(0, campaign.total)),
         campaign.most_lanes,
@@ -191,6 +199,7 @@ def search(
         (first, second),
         percentile,
         threads or processors(),
+        open_device() if open_device else None,
     )
     with tqdm(total=evaluations, unit='candidate', disable=None) as progress:
         result = tuned(

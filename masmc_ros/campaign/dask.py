@@ -21,7 +21,7 @@ from distributed import as_completed, Client, Future
 from distributed.comm import CommClosedError
 from distributed.scheduler import KilledWorker
 from masmc_ros import __version__
-from masmc_ros.campaign.part import Rows, rows_of_text
+from masmc_ros.campaign.part import OpenDevice, Rows, rows_of_text
 from masmc_ros.campaign.runs import Description
 from masmc_ros.campaign.threads import Part
 from masmc_ros.errors import InputError
@@ -99,10 +99,12 @@ class Cluster:
         return sum(threads.values())
 
     def computed(
-        self, campaign: Description, parts: Iterable[Part]
+        self, campaign: Description, parts: Iterable[Part], device: OpenDevice | None = None
     ) -> Generator[Rows, None, None]:
         """
         Yield the rows of parts (first run, number of runs) in the order of completion.
+
+        `device` opens the device of each worker.
 
         Raises InputError if a part kills several workers, or if the scheduler ends.
         """
@@ -115,6 +117,7 @@ class Cluster:
                     type(campaign),
                     campaign.text,
                     *part,
+                    device,
                     key=f'masmc-{campaign.key}-{part[0]}-{part[1]}',
                     pure=False,
                 )

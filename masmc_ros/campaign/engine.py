@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING
 
 from masmc_ros.campaign import threads as threads_of_process
 from masmc_ros.campaign.campaign import Campaign
-from masmc_ros.campaign.part import Rows
+from masmc_ros.campaign.part import OpenDevice, Rows
 from masmc_ros.campaign.runs import Description
 from masmc_ros.campaign.threads import Part
 from masmc_ros.child_process import processors
+from masmc_ros.errors import InputError
 from masmc_ros.output_files import check_folder
 
 if TYPE_CHECKING:
@@ -26,6 +27,12 @@ LARGEST_PART = 512
 
 _PARTS = 8
 """Number of parts of each processor of a small campaign."""
+
+_PREPARING = 2
+"""Threads of a device: one prepares a part, while the device computes that of the other one."""
+
+_PART_OF_WORKER = 2**15
+"""Number of runs of a part for a device of another machine."""
 
 
 def part_size(campaign: Description, workers: int) -> int:
@@ -40,6 +47,7 @@ def computed(
     *,
     threads: int = 0,
     scheduler: str = '',
+    device: OpenDevice | None = None,
 ) -> Generator[Rows, None, None]:
     """
     Yield the rows of parts in the order of completion.
@@ -54,11 +62,14 @@ def computed(
         Number of threads; 0: one for each processor.
     scheduler
         Address of a Dask scheduler, which has priority over threads.
+    device
+        Function that opens the device that computes, here or on a worker; None for processors.
 
     Raises
     ------
     InputError
-        if no scheduler answers, or if a node would reject the values of a run.
+        if no scheduler answers, if a node would reject the values of a run, or if a device is
+        missing or cannot compute the runs.
 
     """
     if scheduler:
@@ -66,7 +77,13 @@ def computed(
         from masmc_ros.campaign.dask import Cluster
 
         with Cluster(scheduler) as cluster:
-            yield from cluster.computed(campaign, parts(part_size(campaign, cluster.workers)))
+            size = part_size(campaign, cluster.workers) if device is None else _PART_OF_WORKER
+            yield from cluster.computed(campaign, parts(size), device)
+    elif device is not None:
+        here = device()
+        yield from threads_of_process.computed(
+            campaign, parts(here.most_runs), threads or _PREPARING, here
+        )
     else:
         workers = threads or processors()
         yield from threads_of_process.computed(
@@ -80,6 +97,7 @@ def carry_out(
     *,
     threads: int = 0,
     scheduler: str = '',
+    device: OpenDevice | None = None,
     advance: Callable[[int], object] = lambda _: None,
 ) -> Dataset:
     """
@@ -91,7 +109,7 @@ def carry_out(
         Campaign.
     folder
         Folder of the dataset; it is created if it is missing.
-    threads, scheduler
+    threads, scheduler, device
         As for `computed`.
     advance
         Called with the number of newly completed runs, first with those of an earlier start.
@@ -103,10 +121,12 @@ def carry_out(
     Raises
     ------
     InputError
-        if the folder has rows of another campaign, or if another process writes to it, and as
-        `computed`.
+        if the folder has rows of another campaign, if another process writes to it, if each run
+        would be a batch of a device, and as `computed`.
 
     """
+    if device is not None and campaign.notice:
+        raise InputError(f'{campaign.notice}; or device cpu')
     # pyarrow is optional.
     from masmc_ros.campaign.dataset import Dataset, reserved
 
@@ -117,7 +137,9 @@ def carry_out(
         if dataset.done < campaign.total:
             # Only this process writes the dataset.
             with closing(
-                computed(campaign, dataset.missing, threads=threads, scheduler=scheduler)
+                computed(
+                    campaign, dataset.missing, threads=threads, scheduler=scheduler, device=device
+                )
             ) as results:
                 for rows in results:
                     dataset.write(rows)

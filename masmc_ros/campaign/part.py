@@ -10,9 +10,9 @@ the run alone, so the rows do not depend on the size of parts or on the order.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
-from typing import Any
+from typing import Any, Protocol
 
 from masmc_ros.campaign.runs import Description, FEWEST_ALIKE, Run
 from masmc_ros.errors import InputError
@@ -20,6 +20,7 @@ from masmc_ros.law import registry
 from masmc_ros.law.law import Law
 from masmc_ros.loop.batch_simulation import of_all_lanes
 from masmc_ros.loop.plant_parameters import RIGID
+from masmc_ros.params.declaration import Values
 from masmc_ros.report.measure.metrics import Metrics, Reached
 from masmc_ros.report.measure.reduced import reduced_metrics, simulated_metrics
 from masmc_ros.report.measure.table import Column, columns
@@ -30,8 +31,41 @@ Rows = dict[str, Any]
 """Columns by name: arrays of equal length."""
 
 
+CPU = 'cpu'
+"""Name of this processor among the devices."""
+
+
 class StoppedError(Exception):
     """Raised if the computation was stopped between two batches."""
+
+
+class Device(Protocol):
+    """
+    Device that computes many runs at once, in place of this processor.
+
+    Attributes
+    ----------
+    most_runs
+        Number of runs that fill it.
+
+    """
+
+    most_runs: int
+
+    def metrics(
+        self, runs: Sequence[Mapping[str, Values]], is_stopped: Callable[[], bool]
+    ) -> list[Metrics | float] | None:
+        """Return the results of `evaluated` for runs of one batch; None if stopped."""
+
+    def check(self, run: Mapping[str, Values]) -> None:
+        """Raise InputError for a run with invalid values."""
+
+    def check_plant(self, plant: Values) -> None:
+        """Raise InputError for a robot or a plant that it does not compute."""
+
+
+OpenDevice = Callable[[], Device]
+"""Function that opens a device in the process that computes; InputError if it is missing."""
 
 
 def metric_columns(mechanism: Mechanism) -> list[Column]:
@@ -49,7 +83,11 @@ def _all_columns(mechanism: Mechanism) -> list[Column]:
 
 
 def rows(
-    campaign: Description, first: int, count: int, is_stopped: Callable[[], bool] = lambda: False
+    campaign: Description,
+    first: int,
+    count: int,
+    is_stopped: Callable[[], bool] = lambda: False,
+    device: Device | None = None,
 ) -> Rows:
     """
     Compute runs `first` to `first + count - 1`.
@@ -62,6 +100,8 @@ def rows(
         Number of the first run, and number of runs.
     is_stopped
         Called between two batches; True stops the computation.
+    device
+        Device that computes the runs; None for this processor.
 
     Returns
     -------
@@ -78,7 +118,7 @@ def rows(
 
     """
     runs = list(campaign.runs(first, count))
-    results = evaluated(runs, campaign.lanes, is_stopped)
+    results = evaluated(runs, campaign.lanes, is_stopped, device)
     return {
         'run': np.array([run.number for run in runs]),
         'seed': np.array([run.scenario['plant']['seed'] for run in runs]),
@@ -93,7 +133,10 @@ def rows(
 
 
 def evaluated(
-    runs: Sequence[Run], lanes: int, is_stopped: Callable[[], bool] = lambda: False
+    runs: Sequence[Run],
+    lanes: int,
+    is_stopped: Callable[[], bool] = lambda: False,
+    device: Device | None = None,
 ) -> list[Metrics | float]:
     """
     Return the metrics of each run, or the time in s at which it diverged, NaN if unknown.
@@ -106,12 +149,16 @@ def evaluated(
         Number of runs of a batch.
     is_stopped
         Called between two batches; True raises StoppedError.
+    device
+        Device that computes the runs, as many at once as it wants; None for this processor.
 
     """
     groups: dict[tuple[object, ...], list[int]] = {}
     for place, run in enumerate(runs):
         groups.setdefault(tuple(of_all_lanes(run.scenario).values()), []).append(place)
-    if len(groups) > 1 and len(runs) < FEWEST_ALIKE * len(groups):
+    if device is not None:
+        lanes = device.most_runs
+    elif len(groups) > 1 and len(runs) < FEWEST_ALIKE * len(groups):
         # A batch takes as long as some runs alone, also if most of its lanes are copies.
         lanes = 1
     results: list[Metrics | float] = [np.nan] * len(runs)
@@ -120,7 +167,12 @@ def evaluated(
             if is_stopped():
                 raise StoppedError
             places = group[start:start + lanes]
-            batch = _computed([runs[place] for place in places], lanes)
+            alike = [runs[place] for place in places]
+            batch = (
+                _computed(alike, lanes)
+                if device is None
+                else _computed_on(device, alike, is_stopped)
+            )
             for place, result in zip(places, batch, strict=False):
                 results[place] = result
     return results
@@ -131,9 +183,16 @@ def _described(kind: type[Description], text: str) -> Description:
     return kind.from_text(text)
 
 
-def rows_of_text(kind: type[Description], text: str, first: int, count: int) -> Rows:
+def rows_of_text(
+    kind: type[Description],
+    text: str,
+    first: int,
+    count: int,
+    open_device: OpenDevice | None = None,
+) -> Rows:
     """Compute `rows` of a description as its JSON text, for another process."""
-    return rows(_described(kind, text), first, count)
+    device = open_device() if open_device else None
+    return rows(_described(kind, text), first, count, device=device)
 
 
 def _computed(batch: Sequence[Run], lanes: int) -> list[Metrics | float]:
@@ -152,6 +211,26 @@ def _computed(batch: Sequence[Run], lanes: int) -> list[Metrics | float]:
         for run in batch:
             _computed([run], lanes)
         raise
+
+
+def _computed_on(
+    device: Device, batch: Sequence[Run], is_stopped: Callable[[], bool]
+) -> list[Metrics | float]:
+    """Return the metrics of the runs of a batch on a device."""
+    device.check_plant(batch[0].scenario['plant'])
+    try:
+        results = device.metrics([run.scenario for run in batch], is_stopped)
+    except InputError:
+        # Find the run with an invalid value.
+        for run in batch:
+            try:
+                device.check(run.scenario)
+            except InputError as error:
+                raise InputError(f'run {run.number}: {error}') from None
+        raise
+    if results is None:
+        raise StoppedError
+    return results
 
 
 def _number(column: Column, result: Metrics | float) -> float:

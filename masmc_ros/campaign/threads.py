@@ -10,7 +10,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from itertools import islice
 from threading import Event
 
-from masmc_ros.campaign.part import Rows, rows
+from masmc_ros.campaign.part import Device, Rows, rows
 from masmc_ros.campaign.runs import Description
 
 Part = tuple[int, int]
@@ -18,7 +18,7 @@ Part = tuple[int, int]
 
 
 def computed(
-    campaign: Description, parts: Iterable[Part], threads: int
+    campaign: Description, parts: Iterable[Part], threads: int, device: Device | None = None
 ) -> Generator[Rows, None, None]:
     """
     Yield the rows of parts in the order of completion.
@@ -34,6 +34,8 @@ def computed(
         First run and number of runs of each part.
     threads
         Number of threads.
+    device
+        Device that computes the runs which the threads prepare; None: the threads compute them.
 
     """
     stop, waiting = Event(), iter(parts)
@@ -42,7 +44,7 @@ def computed(
         try:
             while True:
                 for part in islice(waiting, threads + 1 - len(running)):
-                    running.add(pool.submit(rows, campaign, *part, stop.is_set))
+                    running.add(pool.submit(rows, campaign, *part, stop.is_set, device))
                 if not running:
                     return
                 done, running = wait(running, return_when=FIRST_COMPLETED)

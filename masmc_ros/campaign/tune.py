@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 from masmc_ros.aliases import Array
 from masmc_ros.campaign.campaign import Campaign
-from masmc_ros.campaign.part import evaluated
+from masmc_ros.campaign.part import Device, evaluated
 from masmc_ros.campaign.runs import LANES, Run
 from masmc_ros.campaign.variable import check_distinct, Variable
 from masmc_ros.errors import InputError
@@ -150,6 +150,7 @@ class Evaluation:
         objectives: Sequence[Column],
         percentile: float,
         threads: int,
+        device: Device | None = None,
     ) -> None:
         """
         Initialise the evaluation.
@@ -168,11 +169,13 @@ class Evaluation:
             Percentile of the metrics over the runs; 100 is the worst case.
         threads
             Number of threads.
+        device
+            Device that computes all runs of a generation at once; None: the threads compute them.
 
         """
         self._runs, self._lanes = runs, lanes
         self._variables, self._objectives = variables, objectives
-        self._percentile, self._threads = percentile, threads
+        self._percentile, self._threads, self._device = percentile, threads, device
 
     def __call__(
         self, candidates: Sequence[Sequence[float] | None]
@@ -183,11 +186,14 @@ class Evaluation:
             for values in candidates
             for run in self._runs
         ]
-        batches = [runs[first:first + LANES] for first in range(0, len(runs), LANES)]
+        size = LANES if self._device is None else len(runs)
+        batches = [runs[first:first + size] for first in range(0, len(runs), size)]
         stop = Event()
         with ThreadPoolExecutor(self._threads) as pool:
             try:
-                parts = pool.map(lambda batch: evaluated(batch, self._lanes, stop.is_set), batches)
+                parts = pool.map(
+                    lambda batch: evaluated(batch, self._lanes, stop.is_set, self._device), batches
+                )
                 results = [result for part in parts for result in part]
             finally:
                 stop.set()

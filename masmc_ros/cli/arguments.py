@@ -117,6 +117,14 @@ def add_workers(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
+def add_device(parser: argparse.ArgumentParser) -> None:
+    """Add `--device`."""
+    parser.add_argument(
+        '--device', default='cpu', metavar='NAME',
+        help='cuda: compute on a GPU, here or of each worker; experimental (%(default)s)',
+    )  # fmt: skip
+
+
 def count(text: str) -> int:
     """Return a whole number, at least 1."""
     number = whole(text)

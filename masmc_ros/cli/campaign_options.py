@@ -14,6 +14,7 @@ from masmc_ros.campaign.axes import Axis
 from masmc_ros.campaign.campaign import campaign_of
 from masmc_ros.campaign.draws import draw
 from masmc_ros.campaign.engine import carry_out
+from masmc_ros.campaign.part import CPU
 from masmc_ros.campaign.summary import (
     grid_lines,
     label,
@@ -23,6 +24,7 @@ from masmc_ros.campaign.summary import (
     values_by_point,
 )
 from masmc_ros.cli.arguments import (
+    add_device,
     add_file,
     add_json,
     add_output,
@@ -32,6 +34,7 @@ from masmc_ros.cli.arguments import (
 )
 from masmc_ros.cli.urdf_choices import print_choices
 from masmc_ros.json_text import json_text
+from masmc_ros.native.device import device_option
 from masmc_ros.output_files import write_file
 from masmc_ros.report.aligned import WIDTH
 from masmc_ros.report.draw.campaign_figures import draws_figure, map_figure, MapAxis
@@ -54,6 +57,7 @@ def add_campaign(parser: argparse.ArgumentParser, folder: str) -> None:
     )  # fmt: skip
     add_output(parser, folder)
     add_workers(parser)
+    add_device(parser)
     add_json(parser)
 
 
@@ -85,7 +89,7 @@ def run_campaign(options: argparse.Namespace, axes: Sequence[Axis] = ()) -> int:
     )
     metric = metric_named(campaign, options.metric)
     folder = Path(options.output)
-    if campaign.notice:
+    if campaign.notice and options.device == CPU:
         print(campaign.notice, file=sys.stderr, flush=True)
     for line in grid_lines(campaign):
         print(line, file=sys.stderr, flush=True)
@@ -93,7 +97,7 @@ def run_campaign(options: argparse.Namespace, axes: Sequence[Axis] = ()) -> int:
     with progress:
         dataset = carry_out(
             campaign, folder / RUNS, threads=options.threads, scheduler=options.scheduler,
-            advance=progress.update,
+            device=device_option(options.device), advance=progress.update,
         )  # fmt: skip
     columns = dataset.columns()
     values = columns[metric.name]

@@ -63,8 +63,8 @@ _OF_ALL = {
 """Parameters that must be equal in all lanes, by node; so must those of the path."""
 
 
-class BatchSimulation:
-    """Closed loops of one law, one in each lane."""
+class BatchRecords:
+    """Records of closed loops of one law before their first tick, one run in each lane."""
 
     def __init__(self, runs: Sequence[Mapping[str, Values]]) -> None:
         """
@@ -132,22 +132,7 @@ class BatchSimulation:
                 self._write_plant(run, lane)
             if run['controller'] != control or (compensated and is_other_plant):
                 self._write_control(run, read, lane)
-        post_update(self._settings, self._learned)
-        self._delayed = delay_line(self._plant, mechanism)
-        self._shortcut = self._with_shortcut(law, control)
-
-    def _with_shortcut(self, law: Law, control: Values) -> Records | None:
-        """Return the settings with the shortcut of the reaching term; None without use for it."""
-        name = shortcut_of(control['switching']) if law.uses_switching else ''
-        is_special = is_hybrid(control) or records.is_compensated(control)
-        if is_special or records.is_limited(control, self.mechanism):
-            name = ''
-        lanes = lanes_of(self._now)
-        if not name or lanes == 1 or self.mechanism.sizes['positions'] > _MOST_VECTORISED:
-            return None
-        settings = records.law_settings(self.mechanism, law, name, lanes)
-        take_over(settings, self._settings)
-        return settings
+        self._law, self._control = law, control
 
     def _write_plant(self, run: Mapping[str, Values], lane: int | None) -> None:
         """Write the plant of a run into a lane; None: into all lanes."""
@@ -176,6 +161,48 @@ class BatchSimulation:
         if records.is_compensated(control):
             fill(self._settings, 'stamp_age', stamp_age(plant['measurement_delay'], period), lane)
         fill(self._learned, 'estimate', records.nominal_theta(nominal, control), lane)
+
+    def _reference(self, first: int, count: int) -> Array:
+        """
+        Return the reference (count, 3 * axes) of ticks `first` to `first + count - 1`.
+
+        Raises InputError if a robot of a run cannot reach it.
+        """
+        for lengths in self._lengths:
+            _check_reach(self._trajectory, lengths, first, count)
+        return _samples(self._trajectory, first, count)
+
+    def whole_reference(self) -> Array:
+        """Return the reference (n, 3 * axes) of all ticks; InputError as `_reference`."""
+        assert self.timing.last is not None
+        ticks = self.timing.last + 1
+        return np.concatenate([
+            self._reference(first, min(BLOCK, ticks - first)) for first in range(0, ticks, BLOCK)
+        ])
+
+
+class BatchSimulation(BatchRecords):
+    """Closed loops of one law, one in each lane."""
+
+    def __init__(self, runs: Sequence[Mapping[str, Values]]) -> None:
+        """Initialise one run per lane; see `BatchRecords`."""
+        super().__init__(runs)
+        post_update(self._settings, self._learned)
+        self._delayed = delay_line(self._plant, self.mechanism)
+        self._shortcut = self._with_shortcut(self._law, self._control)
+
+    def _with_shortcut(self, law: Law, control: Values) -> Records | None:
+        """Return the settings with the shortcut of the reaching term; None without use for it."""
+        name = shortcut_of(control['switching']) if law.uses_switching else ''
+        is_special = is_hybrid(control) or records.is_compensated(control)
+        if is_special or records.is_limited(control, self.mechanism):
+            name = ''
+        lanes = lanes_of(self._now)
+        if not name or lanes == 1 or self.mechanism.sizes['positions'] > _MOST_VECTORISED:
+            return None
+        settings = records.law_settings(self.mechanism, law, name, lanes)
+        take_over(settings, self._settings)
+        return settings
 
     def run(self, block: int = BLOCK) -> Iterator[NDArray[np.void]]:
         """
@@ -254,8 +281,6 @@ class BatchSimulation:
     ]:
         """Return the arguments of a kernel for ticks `first` to `first + count - 1`."""
         assert self.timing.last is not None
-        for lengths in self._lengths:
-            _check_reach(self._trajectory, lengths, first, count)
         return (
             plant_step_of(self._plant, self._state, self._delayed, self._now),
             self._plant,
@@ -266,7 +291,7 @@ class BatchSimulation:
             self._now,
             first,
             first + count == self.timing.last + 1,
-            _samples(self._trajectory, first, count),
+            self._reference(first, count),
         )
 
     @property

@@ -379,10 +379,15 @@ def write_start(
 
 
 def delay_line(settings: Records, mechanism: Mechanism) -> NDArray[np.float64]:
-    """Return a buffer for delayed values: (delay + 2, measurements and commands, lanes)."""
+    """Return a buffer for delayed values, see `delay_line_shape`."""
+    return np.zeros(delay_line_shape(settings, mechanism))
+
+
+def delay_line_shape(settings: Records, mechanism: Mechanism) -> tuple[int, int, int]:
+    """Return the shape of the delay line: (delay + 2, measurements and commands, lanes)."""
     longest = max(int(settings[name].max()) for name in ('delay', 'command_delay'))
     width = 2 * mechanism.sizes['positions'] + 2 * mechanism.sizes['joints']
-    return np.zeros((longest + 2, width, settings['delay'].shape[-1]))
+    return longest + 2, width, settings['delay'].shape[-1]
 
 
 def diverged(time: float) -> InputError:

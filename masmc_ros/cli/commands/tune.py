@@ -17,6 +17,7 @@ from masmc_ros.api.tuning import search
 from masmc_ros.campaign.summary import label
 from masmc_ros.campaign.tune import Candidate, FORM, Tuning
 from masmc_ros.cli.arguments import (
+    add_device,
     add_file,
     add_json,
     add_output,
@@ -74,6 +75,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     add_seed(parser, 'the draws and of the search')
     add_threads(parser)
+    add_device(parser)
     add_output(parser, 'tune')
     add_json(parser)
 
@@ -105,6 +107,7 @@ def run(options: argparse.Namespace) -> int:
         seed=options.seed,
         sobol=options.sobol,
         threads=options.threads,
+        device=options.device,
     )
     result, objectives = tuned.search, tuned.columns
     names = [variable.name for variable in tuned.variables]

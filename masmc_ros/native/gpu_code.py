@@ -1,0 +1,293 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Code of campaigns on a GPU: the loop of `closed_loop.reduced_loop`, one run in each thread.
+
+The functions of a tick are those of all other runs. They are not inlined, so registers of one
+function are free in the next one. The records of a run are copied into local memory before the
+first tick of a block, and back after its last one. In the memory of the card, words of equal place
+in all records are neighbours, so threads read and write neighbouring words.
+
+The same code for this processor computes a run of each call, for machines without a GPU.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import re
+from typing import Any
+
+import llvmlite.binding as llvm
+from masmc_ros.aliases import Records
+from masmc_ros.errors import InputError
+from masmc_ros.jit.record import lanes_of
+from masmc_ros.loop import closed_loop
+from masmc_ros.loop.control import control
+from masmc_ros.loop.reduction import reduce_tick
+from masmc_ros.native.object_code import merged, optimised
+from masmc_ros.native.targets import Target
+from masmc_ros.plant_model.plant_tick import advance, observe
+from numba import carray, cfunc, from_dtype, types
+
+Pointer = Any
+"""Address of numbers or of a record in compiled code."""
+
+KERNEL, THREAD = 'masmc_kernel', 'masmc_thread'
+"""Names of the function of the card, and of that of a single run."""
+
+CONSTANT, CHANGED = (
+    ('settings', 'plant_settings'), ('memory', 'plant_memory', 'signals', 'reduced')
+)  # fmt: skip
+"""Records of a run that its ticks only read, and those that they also write."""
+
+_FUSED = re.compile(r'\bfma\.|\bmad\.rn|\b(?:add|sub|mul|div|sqrt)\.(?:f64|approx|full)')
+
+_ARGUMENTS = (
+    'ptr %words, ptr %delayed, ptr %reference, ptr %points, ptr %settling, i64 %lanes, i64 %rows, '
+    'i64 %first, i64 %count, i64 %last, i64 %start, i64 %end'
+)
+
+_LOOP = """
+define void @{thread}(i64 %lane, {arguments}) {{
+entry:
+  %local = alloca [{total} x i64], align 64
+{places}
+  br label %gather
+gather:
+  %i = phi i64 [0, %entry], [%i.next, %gather]
+  %i.row = mul i64 %i, %lanes
+  %i.place = add i64 %i.row, %lane
+  %i.from = getelementptr i64, ptr %words, i64 %i.place
+  %i.to = getelementptr i64, ptr %local, i64 %i
+  %i.word = load i64, ptr %i.from, align 8
+  store i64 %i.word, ptr %i.to, align 8
+  %i.next = add i64 %i, 1
+  %i.more = icmp ult i64 %i.next, {total}
+  br i1 %i.more, label %gather, label %loaded
+loaded:
+  %lost.place = getelementptr i64, ptr %local, i64 {lost}
+  %was.lost = load i64, ptr %lost.place, align 8
+  %was.finite = icmp slt i64 %was.lost, 0
+  br i1 %was.finite, label %begin, label %done
+begin:
+  %is.start = icmp eq i64 %first, 0
+  br i1 %is.start, label %initial, label %before
+initial:
+  call i64 @start_of_run(ptr %settings, ptr %plant_settings, ptr %memory, ptr %plant_memory,
+                         ptr %signals, ptr %delayed, i64 %rows, i64 %lanes, i64 %lane)
+  br label %before
+before:
+  %stop = add i64 %first, %count
+  br label %tick
+tick:
+  %k = phi i64 [%first, %before], [%k.next, %move]
+  %row = sub i64 %k, %first
+  %row.place = mul i64 %row, {desired}
+  %desired = getelementptr double, ptr %reference, i64 %row.place
+  call i64 @control_of_tick(ptr %settings, ptr %memory, ptr %signals, ptr %desired)
+  call i64 @reduction_of_tick(ptr %reduced, ptr %signals, ptr %points, ptr %settling, i64 %k,
+                              i64 %start, i64 %end)
+  %lost = load i64, ptr %lost.place, align 8
+  %is.lost = icmp sge i64 %lost, 0
+  %is.last = icmp eq i64 %k, %last
+  %is.over = or i1 %is.lost, %is.last
+  br i1 %is.over, label %scatter, label %move
+move:
+  call i64 @plant_of_tick(ptr %plant_settings, ptr %plant_memory, ptr %delayed, i64 %rows,
+                          i64 %lanes, i64 %lane, i64 %k, ptr %signals)
+  %k.next = add i64 %k, 1
+  %more = icmp slt i64 %k.next, %stop
+  br i1 %more, label %tick, label %scatter
+scatter:
+  %j = phi i64 [{constant}, %tick], [{constant}, %move], [%j.next, %scatter]
+  %j.row = mul i64 %j, %lanes
+  %j.place = add i64 %j.row, %lane
+  %j.to = getelementptr i64, ptr %words, i64 %j.place
+  %j.from = getelementptr i64, ptr %local, i64 %j
+  %j.word = load i64, ptr %j.from, align 8
+  store i64 %j.word, ptr %j.to, align 8
+  %j.next = add i64 %j, 1
+  %j.more = icmp ult i64 %j.next, {total}
+  br i1 %j.more, label %scatter, label %done
+done:
+  ret void
+}}
+"""
+
+_KERNEL = """
+declare i32 @llvm.nvvm.read.ptx.sreg.ctaid.x()
+declare i32 @llvm.nvvm.read.ptx.sreg.ntid.x()
+declare i32 @llvm.nvvm.read.ptx.sreg.tid.x()
+define ptx_kernel void @{kernel}({arguments}) {{
+  %block = call i32 @llvm.nvvm.read.ptx.sreg.ctaid.x()
+  %size = call i32 @llvm.nvvm.read.ptx.sreg.ntid.x()
+  %thread = call i32 @llvm.nvvm.read.ptx.sreg.tid.x()
+  %before = mul i32 %block, %size
+  %number = add i32 %before, %thread
+  %lane = zext i32 %number to i64
+  %is.run = icmp ult i64 %lane, %lanes
+  br i1 %is.run, label %run, label %done
+run:
+  call void @{thread}(i64 %lane, {arguments})
+  br label %done
+done:
+  ret void
+}}
+"""
+
+
+def words_of(record: Records) -> int:
+    """Return the number of words of a run in a record: all its numbers have 8 bytes."""
+    fields = record.dtype.fields
+    assert fields is not None
+    sizes = (kind.itemsize for kind, _ in (field[:2] for field in fields.values()))
+    return sum(size for size in sizes if size >= 8) // (8 * lanes_of(record))
+
+
+def places_of(records: Mapping[str, Records]) -> tuple[dict[str, int], int]:
+    """Return the first word of each record of a run, and the number of its words."""
+    places, place = {}, 0
+    for name in (*CONSTANT, *CHANGED):
+        places[name] = place
+        place += words_of(records[name])
+    return places, place
+
+
+def thread_code(records: Mapping[str, Records], desired: int) -> str:
+    """
+    Return the intermediate code of a run.
+
+    Parameters
+    ----------
+    records
+        Records of one lane by the names in CONSTANT and CHANGED.
+    desired
+        Number of values of the reference of a tick.
+
+    Raises
+    ------
+    InputError
+        If the law needs memory of the system or Python, see `object_code.check`.
+
+    """
+    functions = _functions(records, desired)
+    module = llvm.parse_assembly(merged(functions))
+    for name in functions:
+        function = module.get_function(name)
+        function.linkage = 'internal'
+        function.add_function_attribute('noinline')
+    places, place = places_of(records)
+    fields = records['reduced'].dtype.fields
+    assert fields is not None
+    return str(module) + _LOOP.format(
+        thread=THREAD, arguments=_ARGUMENTS, total=place, desired=desired,
+        constant=places[CHANGED[0]], lost=places['reduced'] + fields['lost_tick'][1] // 8,
+        places='\n'.join(
+            f'  %{name} = getelementptr i64, ptr %local, i64 {at}' for name, at in places.items()
+        ),
+    )  # fmt: skip
+
+
+def ptx(code: str, capability: tuple[int, int]) -> str:
+    """
+    Return the code of a run for a card, as text that its driver assembles.
+
+    Parameters
+    ----------
+    code
+        Intermediate code by `thread_code`.
+    capability
+        Compute capability of the card, such as (9, 0).
+
+    Raises
+    ------
+    InputError
+        If the code contains a fused or inexact operation, or needs a further function.
+
+    """
+    target = Target('nvptx64-nvidia-cuda', 'sm_{}{}'.format(*capability))
+    text = code.replace(f'define void @{THREAD}', f'define internal void @{THREAD}')
+    text += _KERNEL.format(kernel=KERNEL, thread=THREAD, arguments=_ARGUMENTS)
+    machine = llvm.Target.from_triple(target.triple).create_target_machine(
+        cpu=target.processor, opt=3
+    )
+    module = optimised(text, target)
+    for number, function in enumerate(module.functions):
+        if function.linkage == llvm.Linkage.internal:
+            function.name = f'part{number}'  # Numba's names have kilobytes
+    assembly: str = machine.emit_assembly(module)
+    check_ptx(assembly)
+    return assembly
+
+
+def check_ptx(text: str) -> None:
+    """Raise InputError for a fused or inexact operation, or a symbol of another file."""
+    for pattern, expected in (
+        (_FUSED, 'operations with the rounding of IEEE 754'),
+        (re.compile(r'\.extern .*'), 'code without further symbols'),
+    ):
+        if found := pattern.search(text):
+            raise InputError(f"code for the GPU contains '{found.group()}'; expected {expected}")
+
+
+def _functions(records: Mapping[str, Records], desired: int) -> dict[str, Any]:
+    """Compile the functions of a tick for records of one lane."""
+    number, vector = types.int64, types.CPointer(types.float64)
+    settings, plant_settings, memory, plant_memory, signals, reduced = (
+        types.CPointer(from_dtype(records[name].dtype)) for name in (*CONSTANT, *CHANGED)
+    )
+    joints = len(records['signals']['torque'][0])
+    width = 2 * (len(records['signals']['position'][0]) + joints)
+    points = len(records['reduced']['square'][0])
+
+    def start_of_run(
+        settings: Pointer, plant: Pointer, memory: Pointer, state: Pointer, signals: Pointer,
+        delayed: Pointer, rows: int, lanes: int, lane: int,
+    ) -> int:  # fmt: skip
+        closed_loop.post_update(carray(settings, 1), carray(memory, 1))
+        own = carray(delayed, (rows, width, lanes))[:, :, lane:lane + 1]
+        closed_loop.plant_start(carray(plant, 1), carray(state, 1), own, carray(signals, 1))
+        return 0
+
+    def control_of_tick(
+        settings: Pointer, memory: Pointer, signals: Pointer, reference: Pointer
+    ) -> int:
+        row = carray(signals, 1)[0]
+        closed_loop.write_reference(row, carray(reference, desired))
+        control(carray(settings, 1)[0], carray(memory, 1)[0], row)
+        return 0
+
+    def reduction_of_tick(
+        reduced: Pointer, signals: Pointer, axes: Pointer, settling: Pointer, tick: int,
+        start: int, end: int,
+    ) -> int:  # fmt: skip
+        reduce_tick(
+            carray(reduced, 1)[0], carray(signals, 1)[0], carray(axes, (points, 2)),
+            carray(settling, 2), tick, start, end,
+        )  # fmt: skip
+        return 0
+
+    def plant_of_tick(
+        plant: Pointer, state: Pointer, delayed: Pointer, rows: int, lanes: int, lane: int,
+        tick: int, signals: Pointer,
+    ) -> int:  # fmt: skip
+        own = carray(delayed, (rows, width, lanes))[:, :, lane:lane + 1]
+        robot, memory, row = carray(plant, 1)[0], carray(state, 1)[0], carray(signals, 1)[0]
+        advance(robot, memory, own, tick, row, False)
+        observe(robot, memory, own, tick + 1, row)
+        return 0
+
+    kinds = {
+        start_of_run: (settings, plant_settings, memory, plant_memory, signals, vector,
+                       number, number, number),
+        control_of_tick: (settings, memory, signals, vector),
+        reduction_of_tick: (reduced, signals, types.CPointer(number), vector,
+                            number, number, number),
+        plant_of_tick: (plant_settings, plant_memory, vector, number, number, number, number,
+                        signals),
+    }  # fmt: skip
+    return {
+        function.__name__: cfunc(number(*arguments), error_model='numpy')(function)
+        for function, arguments in kinds.items()
+    }
