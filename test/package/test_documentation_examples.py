@@ -66,8 +66,8 @@ Tests of identification, of law changes and of the launch files run them with UR
 
 CAMPAIGNS = ('sweep', 'monte-carlo', 'tune')
 
-SMALLER = {'--seeds': '2', '--runs': '2', '--evaluations': '4'}
-"""Options of commands that compute many runs, with numbers that take little time."""
+SMALLER = {'--seeds': '2', '--runs': '2', '--evaluations': '4', '--device': 'stand-in'}
+"""Options of commands that compute many runs, with values that take little time and no GPU."""
 
 INTERPRETED = {'NUMBA_DISABLE_JIT': '1'}
 """Environment of commands that plain Python computes."""

@@ -3,8 +3,7 @@
 const lines = (() => {
   // Differences of numbers, their first bytes, then their second ones and so on, compressed.
   const unpack = async (text, Numbers) => {
-    const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
-    const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream('deflate'));
+    const stream = new Blob([bytesOf(text)]).stream().pipeThrough(new DecompressionStream('deflate'));
     const planes = new Uint8Array(await new Response(stream).arrayBuffer());
     const size = Numbers.BYTES_PER_ELEMENT;
     const count = planes.length / size;

@@ -12,9 +12,7 @@
 
   // Numbers of a trace, which plotly writes as a list or as base64 of doubles.
   const numbers = (values) =>
-    values.bdata
-      ? new Float64Array(Uint8Array.from(atob(values.bdata), (c) => c.charCodeAt(0)).buffer)
-      : values;
+    values.bdata ? new Float64Array(bytesOf(values.bdata).buffer) : values;
 
   // The traces name their colours; light and dark have a tone for each.
   const paint = (data, layout) => {
