@@ -21,9 +21,9 @@ from typing import Any, NamedTuple
 
 from masmc_ros import compare_laws, load
 from masmc_ros.campaign.part import metric_columns
-from masmc_ros.campaign.threads import processors
 from masmc_ros.campaign.tune import Candidate, Evaluation, Range, tuned
 from masmc_ros.campaign.variable import Variable
+from masmc_ros.child_process import processors
 from masmc_ros.compare.law_comparison import comparison_of
 from masmc_ros.law import registry
 from masmc_ros.report.measure.metrics import Metrics
