@@ -20,13 +20,13 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 import os
 from pathlib import Path
-import subprocess
 import sys
 import tempfile
 import time
 from types import MappingProxyType
 from typing import Any
 
+from benchmarks.busy import busy
 from benchmarks.live_nodes import end, realtime_nodes
 import masmc_ros as masmc
 from masmc_ros.aliases import Array
@@ -247,21 +247,16 @@ def _latest(observer: Observer) -> str:
 def measure_delayed(rate: int, seconds: float) -> str:
     """Run a delayed plant on a busy machine and return a line with its error and the simulated."""
     lasts = {f'{node}.duration': seconds for node in NODES}
-    busy = [subprocess.Popen([sys.executable, '-c', 'while True: pass']) for _ in range(2)]
-    try:
-        with (
-            tempfile.TemporaryDirectory() as folder,
-            realtime_nodes(
-                Path(folder), 1.0 / rate, *NODES, 'recorder', settings={**DELAYED, **lasts}
-            ) as processes,
-        ):
-            processes['plant'].wait(2.0 * seconds + COMPILING)
-            end(processes)
-            live = read_run(Path(folder) / 'run.mcap').telemetry['error'].values
-    finally:
-        for process in busy:
-            process.kill()
-            process.wait()
+    with (
+        busy(2),
+        tempfile.TemporaryDirectory() as folder,
+        realtime_nodes(
+            Path(folder), 1.0 / rate, *NODES, 'recorder', settings={**DELAYED, **lasts}
+        ) as processes,
+    ):
+        processes['plant'].wait(2.0 * seconds + COMPILING)
+        end(processes)
+        live = read_run(Path(folder) / 'run.mcap').telemetry['error'].values
     period = {'control_period': 1.0 / rate, 'duration': seconds}
     errors = [_rms(e) for e in (masmc.simulate('paper', DELAYED, **period).error, live)]
     return (

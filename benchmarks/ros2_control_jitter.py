@@ -12,8 +12,6 @@ figures of the Python node.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 import os
 from pathlib import Path
 import re
@@ -21,6 +19,7 @@ import subprocess
 import sys
 from tempfile import TemporaryDirectory
 
+from benchmarks.busy import busy
 from masmc_ros.native.library import write_library
 from masmc_ros.native.targets import TARGETS
 from masmc_ros.scenario.scenario import load_scenario
@@ -62,18 +61,6 @@ def built(folder: Path) -> Path:
         check=True,
     )  # fmt: skip
     return folder / 'harness'
-
-
-@contextmanager
-def busy(count: int) -> Iterator[None]:
-    """Run busy loops."""
-    loops = [subprocess.Popen([sys.executable, '-c', 'while True: pass']) for _ in range(count)]
-    try:
-        yield
-    finally:
-        for loop in loops:
-            loop.kill()
-            loop.wait()
 
 
 def main() -> None:

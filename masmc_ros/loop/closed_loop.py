@@ -99,7 +99,7 @@ def control_tick(
     control(settings[0], memory[0], signals[0])
     check_workspace(signals[0])
     status = SINGULAR if row.singular != 0 else 0
-    residual = _finite_residual(row.torque) + _finite_residual(row.rates)
+    residual = finite_residual(row.torque) + finite_residual(row.rates)
     return status if residual == 0.0 else status | NOT_FINITE
 
 
@@ -368,13 +368,13 @@ def is_finite(signals: Record) -> bool:
     for lane in range(lane_count(signals)):
         row = lane_of(signals, lane)
         for values in (row.position, row.velocity, row.true_position, row.true_velocity):
-            residual += _finite_residual(values)
+            residual += finite_residual(values)
     check_workspace(signals)
     return residual == 0.0
 
 
 @formula
-def _finite_residual(values: Numbers) -> float:
+def finite_residual(values: Numbers) -> float:
     """Return 0.0 if all values are finite, NaN otherwise; branch-free, so it vectorises."""
     return dot(elementwise(_self_difference, values), values)
 
@@ -464,9 +464,9 @@ def closed_loop(
         # Summing over several lanes would serialise them.
         if lane_count(row) == 1:
             single = lane_of(row, 0)
-            residual += _finite_residual(single.torque)
-            residual += _finite_residual(single.rates)
-            residual += _finite_residual(single.true_position)
+            residual += finite_residual(single.torque)
+            residual += finite_residual(single.rates)
+            residual += finite_residual(single.true_position)
         if final and k == n - 1:
             break
         if plant_step is None:

@@ -26,7 +26,7 @@ from masmc_ros.law.command_interface import COMMAND_INTERFACE, COMMAND_INTERFACE
 from masmc_ros.law.parts.delay_compensation import note_skipped
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED
 from masmc_ros.loop import fault_rules, safe_stop
-from masmc_ros.loop.closed_loop import NOT_FINITE
+from masmc_ros.loop.closed_loop import finite_residual, NOT_FINITE
 from masmc_ros.loop.controller import Controller
 from masmc_ros.numerics.scalars import nearest, zero
 from masmc_ros.params.declaration import Values
@@ -192,7 +192,9 @@ def supervision_start(
     was_active = state.mode == ACTIVE
     _process_request(state, now)
     state.computes, state.should_stop = 0, 0
-    is_new = _is_finite(position) and _is_finite(velocity)
+    measured = to_vector(position, state.measured)
+    rates = to_vector(velocity, state.measured)
+    is_new = finite_residual(measured) + finite_residual(rates) == 0.0
     if is_new and state.has_state != 0:
         if 0 <= state.stamp - stamp <= state.state_timeout:
             is_new = False
@@ -219,11 +221,11 @@ def supervision_start(
             _stop(state, gains, before)
         return 0
     state.has_state, state.stamp, state.arrival = 1, stamp, now
-    state.measured = to_vector(position, state.measured)
-    state.measured_rates = to_vector(velocity, state.measured)
+    state.measured, state.measured_rates = measured, rates
     if _recovers(state.mode == FAULT, state.is_latched != 0, state.cause == STATES):
         state.mode, state.cause, state.restarts = ACTIVE, 0, 1
-    has_sample = has_reference != 0 and _is_finite(reference)
+    sample = to_vector(reference, state.reference)
+    has_sample = has_reference != 0 and finite_residual(sample) == 0.0
     if has_sample:
         state.is_held = 0
         if _recovers(state.mode == FAULT, state.is_latched != 0, state.cause == REFERENCE):
@@ -259,7 +261,7 @@ def supervision_start(
     state.restarts, state.was_computed, state.has_moved, state.is_stale = 0, 1, 1, 0
     state.active_action, state.computed, state.computes = VOID, stamp, 1
     if has_sample:
-        desired = to_vector(reference, state.reference)
+        desired = sample
     else:
         x, v, a = thirds(state.reference)
         desired = joined(joined(x, elementwise(zero, v)), elementwise(zero, a))
@@ -343,14 +345,6 @@ def _take_fault(state: Any, cause: int, latches: int) -> None:
     is_latched_fault = state.mode == FAULT and state.is_latched != 0
     if _takes_fault(state.mode == ACTIVE, is_latched_fault, latches != 0):
         state.mode, state.cause, state.is_latched = FAULT, cause, latches
-
-
-@formula
-def _is_finite(values: Array) -> bool:
-    residual = 0.0
-    for i in range(len(values)):
-        residual += values[i] - values[i]
-    return residual == 0.0
 
 
 @formula

@@ -69,8 +69,8 @@ loaded:
   %lost.place = getelementptr i64, ptr %local, i64 {lost}
   %was.lost = load i64, ptr %lost.place, align 8
   %was.finite = icmp slt i64 %was.lost, 0
-  br i1 %was.finite, label %begin, label %done
-begin:
+  br i1 %was.finite, label %unfinished, label %done
+unfinished:
   %is.start = icmp eq i64 %first, 0
   br i1 %is.start, label %initial, label %before
 initial:

@@ -152,9 +152,6 @@ class Approach:
     def __init__(self, robot: Robot, speed: float) -> None:
         """Initialise the approach; `speed` is the maximum per task axis in m/s, 0 jumps."""
         self._body = robot.body
-        formulas = robot.mechanism.formulas
-        self._start_kernel = getattr(formulas, 'approach_start', _approach_start)
-        self._sample_kernel = getattr(formulas, 'approach_sample', _approach_sample)
         axes = len(robot.mechanism.axes)
         self._speed = speed
         self._distance = np.zeros(3 * axes)
@@ -190,7 +187,7 @@ class Approach:
         if self._is_due:
             self._is_due = False
             self._start_stamp = stamp
-            way = self._start_kernel(
+            way = approach_start(
                 self._body,
                 position,
                 rates,
@@ -207,7 +204,7 @@ class Approach:
         if not 0.0 <= part < 1.0:
             self.is_on = False
             return reference
-        self._sample_kernel(
+        approach_sample(
             self._body,
             reference,
             self._distance,

@@ -5,14 +5,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 import json
 from pathlib import Path
 import signal
-import subprocess
-import sys
 
+from benchmarks.busy import busy
 from benchmarks.real_time import DELAYED, RATE_DELAYED
 from helpers.processes import NODES, PAPER, peer, processes, ros_arguments
 from masmc_ros.cli.main import main
@@ -22,18 +19,6 @@ import numpy as np
 import pytest
 
 LENGTH = 20.0
-
-
-@contextmanager
-def other_work() -> Iterator[None]:
-    """Keep two cores busy during the context."""
-    loops = [subprocess.Popen([sys.executable, '-c', 'while True: pass']) for _ in range(2)]
-    try:
-        yield
-    finally:
-        for loop in loops:
-            loop.kill()
-            loop.wait()
 
 
 # A plant whose states and commands are each up to 5 ms late, and its controller.
@@ -64,7 +49,7 @@ def test_real_time_run_busy_machine_stays_bounded(
     log = tmp_path / 'run.mcap'
     arguments = [*CASES[case], '-p', f'recorder:output:={log}']
     is_paper = case == 'paper and realtime'
-    with other_work(), processes(tmp_path) as started, peer(started.domain) as tester:
+    with busy(2), processes(tmp_path) as started, peer(started.domain) as tester:
         nodes = started.start_all(*arguments, nodes=NODES)
         stamps = tester.watch_time()
         tester.until(lambda: stamps[-1] > LENGTH * 1e9, f'{LENGTH} s of robot time')

@@ -13,7 +13,7 @@ import os
 from typing import Any
 
 from helpers.core_loop import node_values
-from helpers.followed import Followed
+from helpers.followed import Array, Followed
 from helpers.limited_arm import limited_arm
 from masmc_ros.nodes.trajectory.path_messages import PathRequest
 from masmc_ros.reference.joint_path import JointPoints
@@ -37,6 +37,18 @@ SETTLED = 800
 """Ticks of the start; the first path starts after them."""
 
 
+def poses(draw: Generator, position: Array, count: int, *, of_base: bool) -> PathRequest:
+    """Return a path of random poses within 1 m of a position of the base."""
+    angles = draw.uniform(-np.pi, np.pi, count)
+    quaternions = np.column_stack([
+        np.zeros((count, 2)), np.sin(0.5 * angles), np.cos(0.5 * angles)
+    ])
+    places = np.column_stack([
+        position[:2] + draw.uniform(-1.0, 1.0, (count, 2)), np.zeros(count)
+    ])
+    return PathRequest('poses', PosePoints(of_base, places, quaternions, None), None)
+
+
 def request(draw: Generator, loop: Followed, eight: Trajectory) -> PathRequest:
     """Return a random path near the robot."""
     position = loop.plant.true_position
@@ -58,15 +70,7 @@ def request(draw: Generator, loop: Followed, eight: Trajectory) -> PathRequest:
         times = np.cumsum(draw.uniform(2.0, 5.0, count))
         points = middle + spread * draw.uniform(-1.0, 1.0, (count, len(columns)))
         return PathRequest('joints', JointPoints(columns, times, points, None, None), None)
-    of_base = bool(kind == 5)
-    angles = draw.uniform(-np.pi, np.pi, count)
-    quaternions = np.column_stack([
-        np.zeros((count, 2)), np.sin(0.5 * angles), np.cos(0.5 * angles)
-    ])
-    places = np.column_stack([
-        position[:2] + draw.uniform(-1.0, 1.0, (count, 2)), np.zeros(count)
-    ])
-    return PathRequest('poses', PosePoints(of_base, places, quaternions, None), None)
+    return poses(draw, position, count, of_base=bool(kind == 5))
 
 
 def values_of(
@@ -121,14 +125,7 @@ def request_in_limits(draw: Generator, loop: Followed, line: Trajectory) -> Path
         return PathRequest('type', line, None)
     count = int(draw.integers(1, 5))
     if kind == 3:
-        angles = draw.uniform(-np.pi, np.pi, count)
-        quaternions = np.column_stack([
-            np.zeros((count, 2)), np.sin(0.5 * angles), np.cos(0.5 * angles)
-        ])
-        places = np.column_stack([
-            position[:2] + draw.uniform(-1.0, 1.0, (count, 2)), np.zeros(count)
-        ])
-        return PathRequest('poses', PosePoints(True, places, quaternions, None), None)
+        return poses(draw, position, count, of_base=True)
     # The whole range and a little more, and times down to the speed limit and a little below.
     lower, upper = RANGES.T
     points = 0.5 * (lower + upper) + 0.51 * (upper - lower) * draw.uniform(-1.0, 1.0, (count, 2))
