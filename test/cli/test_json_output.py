@@ -115,6 +115,7 @@ def test_simulate_json_is_run_and_recomputation(output: Any) -> None:
     check('simulate', output('simulate', PAPER, *SHORT), again)
     assert again['recomputed'] == {
         'states': 101, 'identical_states': 101, 'commands': 101, 'identical_commands': 101,
+        'first_difference': None,
     }
     (run,) = again['runs']
     assert run['end_effector_settling'] == 'Infinity'

