@@ -141,6 +141,9 @@ class Recomputed:
 
     def _lacking(self, first: tuple[int, str] | None) -> str:
         """Return what a log in real time lacks for its recomputation, by its first difference."""
+        start = self._states.stamps[0] / NANOSECONDS
+        if start > 0.0:
+            return f'the log lacks the states before its first one at t = {start:.3f} s'
         gaps = gaps_in(self._states.stamps)
         if gaps.count:
             return f'the log lacks states, and commands that acted with them: {gaps.text()}'
