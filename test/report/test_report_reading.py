@@ -33,6 +33,8 @@ READ = """
     found.sorts.push(heads[1].getAttribute('aria-sort'));
   }
   found.isButton = document.activeElement === button;
+  const links = [...document.querySelectorAll('nav a')];
+  found.heights = links.map((link) => link.getBoundingClientRect().height);
   const state = (chart) => ({
     range: [...chart.layout.yaxis.range],
     notes: (chart.layout.annotations ?? []).map((note) => note.text),
@@ -87,6 +89,13 @@ def test_report_table_sorts_by_number(found: Mapping[str, Any]) -> None:
     assert found['rows'][1:] == [['1', '2', '10'], ['10', '2', '1']]
     assert found['sorts'] == ['ascending', 'descending']
     assert found['isButton']
+
+
+@needs_webdriver
+def test_report_links_of_runs_fit_fingers(found: Mapping[str, Any]) -> None:
+    # The smallest target of a touch in WCAG 2.2, success criterion 2.5.8, in CSS pixels.
+    assert len(found['heights']) == 3
+    assert min(found['heights']) >= 24.0
 
 
 @needs_webdriver
