@@ -43,14 +43,11 @@ from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import Trigger
 
 TIAGO = PAPER.parent / 'tiago.yaml'
-RESPONSE = 1.0
-"""Maximum response time of a service in s; compiling a law takes several times as long."""
-
 GAP = 5.0
 """
-Maximum time in s until a state is answered, on a machine that compiles and runs tests.
+Maximum time in s until a state or a request is answered, on a busy machine that compiles.
 
-A node that compiled a law itself would not answer for longer than that.
+A node that compiled a law of a tree itself would not answer for longer than that.
 """
 
 PATIENT = {'controller__state_timeout': 10.0, 'plant__command_timeout': 10.0}
@@ -119,7 +116,7 @@ class Watched:
         start = time.monotonic()
         future = client.call_async(SetParametersAtomically.Request(parameters=new))
         self._tester.until(future.done, 'a response')
-        assert time.monotonic() - start < RESPONSE
+        assert time.monotonic() - start < GAP
         result = future.result().result
         return result.successful, result.reason
 
