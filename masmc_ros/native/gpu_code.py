@@ -27,6 +27,7 @@ from masmc_ros.loop.control import control
 from masmc_ros.loop.reduction import reduce_tick
 from masmc_ros.native.object_code import merged, optimised
 from masmc_ros.native.targets import Target
+from masmc_ros.native.template import filled
 from masmc_ros.plant_model.plant_tick import advance, observe
 from numba import carray, cfunc, from_dtype, types
 
@@ -47,95 +48,6 @@ _ARGUMENTS = (
     'ptr %words, ptr %delayed, ptr %reference, ptr %points, ptr %settling, i64 %lanes, i64 %rows, '
     'i64 %first, i64 %count, i64 %last, i64 %start, i64 %end'
 )
-
-_LOOP = """
-define void @{thread}(i64 %lane, {arguments}) {{
-entry:
-  %local = alloca [{total} x i64], align 64
-{places}
-  br label %gather
-gather:
-  %i = phi i64 [0, %entry], [%i.next, %gather]
-  %i.row = mul i64 %i, %lanes
-  %i.place = add i64 %i.row, %lane
-  %i.from = getelementptr i64, ptr %words, i64 %i.place
-  %i.to = getelementptr i64, ptr %local, i64 %i
-  %i.word = load i64, ptr %i.from, align 8
-  store i64 %i.word, ptr %i.to, align 8
-  %i.next = add i64 %i, 1
-  %i.more = icmp ult i64 %i.next, {total}
-  br i1 %i.more, label %gather, label %loaded
-loaded:
-  %lost.place = getelementptr i64, ptr %local, i64 {lost}
-  %was.lost = load i64, ptr %lost.place, align 8
-  %was.finite = icmp slt i64 %was.lost, 0
-  br i1 %was.finite, label %unfinished, label %done
-unfinished:
-  %is.start = icmp eq i64 %first, 0
-  br i1 %is.start, label %initial, label %before
-initial:
-  call i64 @start_of_run(ptr %settings, ptr %plant_settings, ptr %memory, ptr %plant_memory,
-                         ptr %signals, ptr %delayed, i64 %rows, i64 %lanes, i64 %lane)
-  br label %before
-before:
-  %stop = add i64 %first, %count
-  br label %tick
-tick:
-  %k = phi i64 [%first, %before], [%k.next, %move]
-  %row = sub i64 %k, %first
-  %row.place = mul i64 %row, {desired}
-  %desired = getelementptr double, ptr %reference, i64 %row.place
-  call i64 @control_of_tick(ptr %settings, ptr %memory, ptr %signals, ptr %desired)
-  call i64 @reduction_of_tick(ptr %reduced, ptr %signals, ptr %points, ptr %settling, i64 %k,
-                              i64 %start, i64 %end)
-  %lost = load i64, ptr %lost.place, align 8
-  %is.lost = icmp sge i64 %lost, 0
-  %is.last = icmp eq i64 %k, %last
-  %is.over = or i1 %is.lost, %is.last
-  br i1 %is.over, label %scatter, label %move
-move:
-  call i64 @plant_of_tick(ptr %plant_settings, ptr %plant_memory, ptr %delayed, i64 %rows,
-                          i64 %lanes, i64 %lane, i64 %k, ptr %signals)
-  %k.next = add i64 %k, 1
-  %more = icmp slt i64 %k.next, %stop
-  br i1 %more, label %tick, label %scatter
-scatter:
-  %j = phi i64 [{constant}, %tick], [{constant}, %move], [%j.next, %scatter]
-  %j.row = mul i64 %j, %lanes
-  %j.place = add i64 %j.row, %lane
-  %j.to = getelementptr i64, ptr %words, i64 %j.place
-  %j.from = getelementptr i64, ptr %local, i64 %j
-  %j.word = load i64, ptr %j.from, align 8
-  store i64 %j.word, ptr %j.to, align 8
-  %j.next = add i64 %j, 1
-  %j.more = icmp ult i64 %j.next, {total}
-  br i1 %j.more, label %scatter, label %done
-done:
-  ret void
-}}
-"""
-
-_KERNEL = """
-declare i32 @llvm.nvvm.read.ptx.sreg.ctaid.x()
-declare i32 @llvm.nvvm.read.ptx.sreg.ntid.x()
-declare i32 @llvm.nvvm.read.ptx.sreg.tid.x()
-define ptx_kernel void @{kernel}({arguments}) {{
-  %block = call i32 @llvm.nvvm.read.ptx.sreg.ctaid.x()
-  %size = call i32 @llvm.nvvm.read.ptx.sreg.ntid.x()
-  %thread = call i32 @llvm.nvvm.read.ptx.sreg.tid.x()
-  %before = mul i32 %block, %size
-  %number = add i32 %before, %thread
-  %lane = zext i32 %number to i64
-  %is.run = icmp ult i64 %lane, %lanes
-  br i1 %is.run, label %run, label %done
-run:
-  call void @{thread}(i64 %lane, {arguments})
-  br label %done
-done:
-  ret void
-}}
-"""
-
 
 def words_of(record: Records) -> int:
     """Return the number of words of a run in a record: all its numbers have 8 bytes."""
@@ -180,13 +92,12 @@ def thread_code(records: Mapping[str, Records], desired: int) -> str:
     places, place = places_of(records)
     fields = records['reduced'].dtype.fields
     assert fields is not None
-    return str(module) + _LOOP.format(
-        thread=THREAD, arguments=_ARGUMENTS, total=place, desired=desired,
-        constant=places[CHANGED[0]], lost=places['reduced'] + fields['lost_tick'][1] // 8,
-        places='\n'.join(
-            f'  %{name} = getelementptr i64, ptr %local, i64 {at}' for name, at in places.items()
-        ),
-    )  # fmt: skip
+    loop = {
+        'thread': THREAD, 'arguments': _ARGUMENTS, 'total': place, 'desired': desired,
+        'constant': places[CHANGED[0]], 'lost': places['reduced'] + fields['lost_tick'][1] // 8,
+        'places': places,
+    }  # fmt: skip
+    return str(module) + filled('gpu_thread.ll.jinja', loop)
 
 
 def ptx(code: str, capability: tuple[int, int]) -> str:
@@ -208,7 +119,8 @@ def ptx(code: str, capability: tuple[int, int]) -> str:
     """
     target = Target('nvptx64-nvidia-cuda', 'sm_{}{}'.format(*capability))
     text = code.replace(f'define void @{THREAD}', f'define internal void @{THREAD}')
-    text += _KERNEL.format(kernel=KERNEL, thread=THREAD, arguments=_ARGUMENTS)
+    names = {'kernel': KERNEL, 'thread': THREAD, 'arguments': _ARGUMENTS}
+    text += filled('gpu_kernel.ll.jinja', names)
     machine = llvm.Target.from_triple(target.triple).create_target_machine(
         cpu=target.processor, opt=3
     )

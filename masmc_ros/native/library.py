@@ -5,12 +5,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 import re
 from typing import Any, NamedTuple
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from masmc_ros import __version__
 from masmc_ros.aliases import Records
 from masmc_ros.errors import InputError
@@ -36,6 +35,7 @@ from masmc_ros.native.entries import (
 from masmc_ros.native.object_code import archive, MEMORY, merged, object_of
 from masmc_ros.native.ros2_control import check_supervised, package_contents, package_name
 from masmc_ros.native.targets import Target
+from masmc_ros.native.template import filled
 from masmc_ros.output_files import check_absent, make_folder, write_file
 from masmc_ros.params.declaration import Parameter, Values
 
@@ -127,16 +127,18 @@ def write_library(
     described = _described(simulation, name, found)
     reference = simulation.trajectory.sample(0, described['ticks'])
     contents |= {
-        'header': _filled('library.h.jinja', described),
-        'example': _filled('example.c.jinja', described),
-        'makefile': _filled('Makefile.jinja', {**described, 'targets': tuple(targets)}),
+        'header': filled('library.h.jinja', described).encode(),
+        'example': filled('example.c.jinja', described).encode(),
+        'makefile': filled(
+            'Makefile.jinja', {**described, 'targets': tuple(targets)}
+        ).encode(),
         'description': _json(described, simulation).encode(),
         'reference': reference.astype('<f8').tobytes(),
     }
     files = {path: contents[key] for key, path in paths.items()}
     if ros2_control:
         added = package_contents(
-            described, values['controller'], _filled,
+            described, values['controller'],
             {target: contents[target] for target in targets}, contents['reference'],
         )  # fmt: skip
         files |= {package / path: content for path, content in added.items()}
@@ -321,19 +323,3 @@ def _json(described: Mapping[str, Any], simulation: Simulation) -> str:
         'records': records,
         'functions': described['functions'],
     })
-
-
-def _filled(template: str, content: Mapping[str, Any]) -> bytes:
-    environment = Environment(
-        loader=PackageLoader('masmc_ros.native'), undefined=StrictUndefined, trim_blocks=True,
-        lstrip_blocks=True, keep_trailing_newline=True, autoescape=False,
-    )  # fmt: skip
-    environment.filters['wrapped'] = _wrapped
-    return environment.get_template(template).render(content).encode()
-
-
-def _wrapped(values: Iterable[str]) -> str:
-    """Return numbers of an initialiser, a few in each line."""
-    texts = list(values)
-    lines = [', '.join(texts[i:i + 4]) for i in range(0, len(texts), 4)]
-    return ',\n        '.join(lines)

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 import math
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 from masmc_ros.errors import InputError
 from masmc_ros.jit.record import AT_RUN_TIME
 from masmc_ros.loop.supervision import is_supervised
+from masmc_ros.native.template import filled
 from masmc_ros.params.declaration import Parameter, Values
 from masmc_ros.robot.joint_names import driven_joint_names, joint_names
 from masmc_ros.robot.mechanisms import mechanism_from
@@ -58,7 +59,6 @@ def check_supervised(values: Values) -> None:
 def package_contents(
     described: Mapping[str, Any],
     values: Values,
-    filled: Callable[[str, Mapping[str, Any]], bytes],
     libraries: Mapping[str, bytes],
     reference: bytes,
 ) -> dict[Path, bytes]:
@@ -71,8 +71,6 @@ def package_contents(
         Content of the templates of the library.
     values
         Checked parameter values of the controller.
-    filled
-        Function that fills a template.
     libraries
         Static library by target.
     reference
@@ -110,7 +108,7 @@ def package_contents(
         f'library/{name}.h': 'library.h.jinja',
     }
     return {
-        **{Path(file): filled(template, content) for file, template in files.items()},
+        **{Path(file): filled(template, content).encode() for file, template in files.items()},
         **{Path('library', target, f'lib{name}.a'): code for target, code in libraries.items()},
         Path('path/reference.bin'): reference,
     }
