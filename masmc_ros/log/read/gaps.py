@@ -15,7 +15,6 @@ from masmc_ros.messages.cdr_layout import NANOSECONDS
 from masmc_ros.messages.names import STATE_TOPIC
 from masmc_ros.messages.stamp_order import in_time
 from masmc_ros.messages.stamps import header_stamp
-from mcap.reader import make_reader
 import numpy as np
 from numpy.typing import NDArray
 
@@ -128,6 +127,9 @@ def gaps_in(stamps: Sequence[int] | NDArray[np.int64]) -> Gaps:
 
 def state_gaps(path: Path) -> dict[str, Gaps]:
     """Return the gaps of each topic of joint states of a complete log that has any."""
+    # Imported here: commands without a log do not need the package.
+    from mcap.reader import make_reader
+
     topics: dict[str, Gaps] = defaultdict(Gaps)
     with path.open('rb') as stream:
         reader = make_reader(stream)
