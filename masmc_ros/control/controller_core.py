@@ -42,25 +42,16 @@ from masmc_ros.errors import InputError, UserError
 from masmc_ros.loop.closed_loop import NOT_FINITE, SINGULAR
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.controller_events import (
-    ACTIVATED,
     ADAPTATION_RESET,
     DEACTIVATED,
-    GUIDED,
     RELEASED,
     RESUMED,
     UNFOLDED,
 )
+from masmc_ros.loop.drive import Drive, Source
 from masmc_ros.loop.fault_rules import is_overdue
 from masmc_ros.loop.runaway import RunawayWatch
-from masmc_ros.loop.safe_stop import (
-    BALANCE,
-    BALANCE_TIME,
-    GUIDE,
-    SafeStop,
-    UNFOLD,
-    UNFOLDING_TIME,
-    VOID,
-)
+from masmc_ros.loop.safe_stop import BALANCE_TIME
 from masmc_ros.loop.simulated_robot import diverged
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.reference_window import ReferenceWindow
@@ -107,12 +98,15 @@ class ControllerCore:
 
     The command is computed by the law, or by the safe stop (`fault_action`) while the law is not
     active, or it is void. A state without a reference is pending until the reference arrives. The
-    law restarts after an activation, after missing states and after time was set back.
+    law restarts after an activation, after missing states and after time was set back. The core
+    decides the events of the run; it applies each to the drive, and records it.
 
     Attributes
     ----------
     controller
         Law and its results.
+    drive
+        Law, approach and safe stop.
     supervisor
         Mode: active, inactive or fault.
     windows
@@ -159,8 +153,14 @@ class ControllerCore:
         self.missing_source: Callable[[], str] = lambda: 'joint_states'
         # Start of the state timeout: the last arrival or activation.
         self._watched = math.inf
-        self._approach, self._layer = approach, layer
-        self._stop = SafeStop(controller)
+        self._layer = layer
+        pacing = PACINGS[values['pacing']]
+        self.drive = Drive(
+            controller,
+            approach,
+            is_active=self.supervisor.is_active,
+            is_timed=pacing.is_timed,
+        )
         self._watch = RunawayWatch(controller, controller.mechanism.speed_limits)
         self._values = dict(values)
         self._period_ns = 1e9 * timing.period
@@ -172,24 +172,14 @@ class ControllerCore:
         self._pending_order = Order.NEXT
         positions = len(controller.mechanism.positions)
         self._position, self._velocity = np.zeros(positions), np.zeros(positions)
-        # Stamp of the last state for which the law computed a torque.
-        self._computed: int | None = None
-        self._activation = self.supervisor.activations
-        # Whether the law computed the last command; None after a restart.
-        self._was_computed: bool | None = self.supervisor.is_active
         self._error: UserError | None = None
         self._was_singular = False
         self._held_since: float | None = None
         self._missed = self._second_look = self._void_due = math.inf
-        self._is_stale = False
         self._is_confused = False
         self._was_mixed = False
         self._has_plant = False
-        # Whether this controller has commanded a torque since its start or `_release`.
-        self._has_moved = False
-        self._action = VOID
         self._awaited = ''
-        self._is_unfolding, self._unfolded_by = False, 0
         self._halted: int | None = None
         self._throttle = Throttle(_QUIET)
         self._published = ''
@@ -205,7 +195,7 @@ class ControllerCore:
         self._void_only: Actions = (self._void,)
         self._repeat: Actions = (Repeat(),)
         self._decimation: int = values['telemetry_decimation']
-        self._set_pacing(PACINGS[values['pacing']])
+        self._set_pacing(pacing)
 
     # Events.
 
@@ -268,7 +258,7 @@ class ControllerCore:
         if not self.pacing.is_timed:
             return None
         was_active = self.supervisor.is_active
-        if not was_active and (self._is_stale or not self._stop.commands):
+        if not was_active and (self.drive.is_stale or not self.drive.stop.commands):
             return NOTHING
         if was_active:
             self.supervisor.fail(STATES, f'states of two robots: {senders}')
@@ -280,7 +270,7 @@ class ControllerCore:
         """Approach the reference from the pose to which a localisation moves the robot."""
         if not (self.pacing.is_timed and self.supervisor.is_active):
             return NOTHING
-        self._approach.start()
+        self.drive.approach.start()
         self.controller.skip(0)
         if self._throttle.is_due('jump', now):
             return (Line('info', 'the pose jumped; the controller approaches its reference'),)
@@ -311,7 +301,7 @@ class ControllerCore:
             return NOTHING
         if self._void_due <= now:
             self._void_due = math.inf
-            self._stop.release()
+            self.drive.stop.release()
             assert self._order.last is not None
             # The state timeout of a law that was enabled meanwhile may be due as well.
             return (Halt(self._order.last), *self.on_timer(now))
@@ -329,7 +319,8 @@ class ControllerCore:
     @property
     def deadline(self) -> float:
         """Time in s at which to call `on_timer`; infinite for never."""
-        if not (self.supervisor.is_active or (self._stop.commands and not self._is_stale)):
+        stops = self.drive.stop.commands and not self.drive.is_stale
+        if not (self.supervisor.is_active or stops):
             return self._void_due
         is_missed = self._missed == self._watched
         timeout = self._second_look if is_missed else self._watched + self._state_timeout
@@ -339,7 +330,7 @@ class ControllerCore:
         """Use checked values from the next tick on, as the controller does; record them."""
         self._values.update(changed)
         self._queue_record(changed=tuple(changed))
-        self._stop.change()
+        self.drive.stop.change()
         self._set_pacing(self.pacing)
         self._layer.restart()
         self._watch.restart()
@@ -384,7 +375,9 @@ class ControllerCore:
             self._position[:] = signals['position'][:, 0]
             self._velocity[:] = signals['velocity'][:, 0]
         # A law or a safe stop that ended after the last state in lock-step must not continue.
-        has_ended = self._was_computed or (self._stop.commands and self._stop_action() == VOID)
+        drive = self.drive
+        is_void = drive.is_void(is_guided=self.supervisor.is_guided)
+        has_ended = drive.source is Source.LAW or (drive.stop.commands and is_void)
         if self._order.last is not None and has_ended and not self.supervisor.is_active:
             self._halt()
         return self._take_more()
@@ -466,15 +459,14 @@ class ControllerCore:
 
     def on_reset_adaptation(self) -> Actions:
         """Reset the adaptation; the next tick records it."""
-        self.controller.reset_adaptation()
-        self._queue_record(ADAPTATION_RESET)
+        self._apply(ADAPTATION_RESET, self._order.last or 0, self._position, self._velocity)
         return NOTHING
 
     def on_shutdown(self) -> Actions:
         """Send a void command as the last action of a controller in real time."""
         if not self.pacing.is_timed or self._order.last is None:
             return NOTHING
-        self._stop.release()
+        self.drive.stop.release()
         return (Halt(self._order.last),)
 
     # Response to a state.
@@ -487,6 +479,7 @@ class ControllerCore:
         if reference is not None:
             self._held_since = None
             if not supervisor.is_active and supervisor.recover(REFERENCE, is_restart=True):
+                self.drive.request_restart()
                 self._publish_state()
         elif supervisor.is_active:
             reference = self._held(stamp, now)
@@ -498,12 +491,7 @@ class ControllerCore:
                 return self._wait(stamp, position, velocity, 'the trajectory (reference)')
             error = None
             # Ordinary ticks skip the call.
-            is_ordinary = (
-                self._was_computed
-                and self._computed is not None
-                and self._activation == supervisor.activations
-            )
-            if is_ordinary or not self._unfolds(stamp, position, velocity):
+            if self.drive.is_running or not self._unfolds(stamp, position, velocity):
                 error = self._compute(stamp, position, velocity, reference, now)
             if error is not None:
                 return (*self._take_more(), Failure(error))
@@ -513,7 +501,7 @@ class ControllerCore:
             self._more.append(Wait(None))
         tick = round(stamp / self._period_ns)
         # Read again: the computation may have raised a fault.
-        if self._is_unfolding and supervisor.is_active:
+        if self.drive.is_unfolding and supervisor.is_active:
             self._stop_command.stamp = stamp
             actions = self._stop_only
         elif supervisor.is_active:
@@ -551,7 +539,7 @@ class ControllerCore:
 
     def _held(self, stamp: int, now: float) -> Array | None:
         """Return the last position of a reference that ended; raise a fault after a time."""
-        if not self.pacing.holds(stamp, self._pending, self._computed):
+        if not self.pacing.holds(stamp, self._pending, self.drive.computed):
             return None
         reference = self.windows.held_after(stamp)
         if reference is not None:
@@ -570,65 +558,39 @@ class ControllerCore:
         self._is_waiting = True
         self._more.append(Wait(reason))
         # A robot that this controller has moved must not continue with its last torque.
-        if self.pacing.is_timed and self._has_moved and self._halted != stamp:
+        if self.pacing.is_timed and self.drive.has_moved and self._halted != stamp:
             self._halted = stamp
             self._halt()
-            self._approach.start()
+            self.drive.approach.start()
         return self._take_more()
+
+    def _apply(self, event: str, stamp: int, position: Array, velocity: Array) -> None:
+        """Apply an event to the drive, and record it."""
+        self.drive.apply(event, stamp, position, velocity)
+        self._queue_record(event)
 
     def _unfolds(self, stamp: int, position: Array, velocity: Array) -> bool:
         """Leave a singular joint position before the law starts; return False if it is regular."""
-        if not self._is_unfolding:
-            if not (
-                self.pacing.approaches(was_off=self._was_computed is False)
-                and self._stop.is_singular(position, velocity)
-            ):
+        drive = self.drive
+        if drive.is_unfolding:
+            if drive.has_unfolded(stamp, position, velocity):
                 return False
-            self._is_unfolding, self._was_computed, self._action = True, False, UNFOLD
-            self._has_moved = True
-            self._unfolded_by = stamp + round(1e9 * UNFOLDING_TIME)
-            self._queue_record(UNFOLDED)
-            self._stop.start(UNFOLD, stamp, position, velocity)
-        elif not self._stop.is_singular(position, velocity) or stamp >= self._unfolded_by:
-            self._is_unfolding = False
+        elif drive.should_unfold(position, velocity):
+            self._apply(UNFOLDED, stamp, position, velocity)
+        else:
             return False
-        self._is_unfolding = self._stop.update(stamp, position, velocity)
-        return self._is_unfolding
+        return drive.unfold(stamp, position, velocity)
 
     def _compute(
         self, stamp: int, position: Array, velocity: Array, reference: Array, now: float
     ) -> UserError | None:
         """Compute the law, or raise a fault; return the error that ends the run instead."""
-        controller, approach, pacing = self.controller, self._approach, self.pacing
+        drive, controller, pacing = self.drive, self.controller, self.pacing
         commanded = controller.commanded.copy()
-        starts_away = self._computed is None and self._values['approach_on_start']
-        if self._activation != self.supervisor.activations:
-            self._activation = self.supervisor.activations
-            self._stop.hand_over()
-            self._watch.restart()
-            if starts_away or pacing.approaches(was_off=self._was_computed is False):
-                approach.start()
-            self._queue_record(ACTIVATED)
-        elif self._computed is None:
-            if starts_away or pacing.approaches(was_off=False):
-                approach.start()
-        elif not self._was_computed:
-            self._stop.end()
-            self._watch.restart()
-            self._watch.note_late(now)
-            if pacing.is_timed:
-                approach.start()
-            self._queue_record(RESUMED)
+        if not drive.is_running:
+            self._start_law(stamp, position, velocity, now)
         elif pacing.is_timed:
             self._skip_ticks(stamp, position, now)
-        self._was_computed, self._computed, self._halted = True, stamp, None
-        self._has_moved = True
-        self._is_stale = False
-        if pacing.is_timed:
-            approach.watch(stamp, reference)
-        if approach.is_on:
-            rates = controller.rates(velocity)
-            reference = approach.follow(stamp, position, rates, reference)
         if pacing.is_timed:
             # A controller that was late itself processes the states in its queue one by one.
             lateness = self._lateness.add(stamp, now)
@@ -636,7 +598,7 @@ class ControllerCore:
             if controller.is_compensated:
                 controller.set_lateness(lateness)
         try:
-            status = controller.answer(position, velocity, reference)
+            status = drive.compute(stamp, position, velocity, reference)
             if status & NOT_FINITE:
                 raise diverged(stamp * 1e-9)
         except Exception as error:
@@ -661,15 +623,23 @@ class ControllerCore:
         # The error that has ended the run, if any.
         return self._error
 
+    def _start_law(self, stamp: int, position: Array, velocity: Array, now: float) -> None:
+        """Apply the event that precedes a tick of the law."""
+        self._halted = None
+        event = self.drive.law_event()
+        if event:
+            self._apply(event, stamp, position, velocity)
+            self._watch.restart()
+            if event == RESUMED:
+                self._watch.note_late(now)
+
     def _skip_ticks(self, stamp: int, position: Array, now: float) -> None:
         """Account for the periods during which the last torque was held."""
-        assert self._computed is not None
-        skipped = round((stamp - self._computed) / self._period_ns) - 1
-        if skipped > 0:
-            self.controller.skip(skipped)
+        skipped = self.drive.skip_to(stamp)
+        if skipped:
             self._watch.skip(skipped, now)
             self.counts.skipped += skipped
-        line = self._layer.check(max(skipped, 0) + 1, position, now)
+        line = self._layer.check(skipped + 1, position, now)
         if line is not None:
             self._more.append(Line('warning', line))
 
@@ -677,24 +647,10 @@ class ControllerCore:
 
     def _stop_torque(self, stamp: int, position: Array, velocity: Array) -> bool:
         """Compute the torque of the safe stop for a state; False for a void command."""
-        action, self._is_unfolding = self._stop_action(), False
-        self._has_moved |= action == GUIDE
-        is_new = self._was_computed is not False or action != self._action
-        if is_new:
-            self._queue_record(GUIDED if action == GUIDE else DEACTIVATED)
-        if is_new or self._is_stale:
-            self._stop.start(action, stamp, position, velocity)
-        self._action, self._was_computed, self._is_stale = action, False, False
-        return self._stop.update(stamp, position, velocity)
-
-    def _stop_action(self) -> str:
-        if self.supervisor.is_guided:
-            return GUIDE
-        # A controller that has not moved the robot does not hold it either.
-        if not self._has_moved:
-            return VOID
-        action: str = self._values['fault_action']
-        return action
+        event = self.drive.stop_event(is_guided=self.supervisor.is_guided)
+        if event:
+            self._apply(event, stamp, position, velocity)
+        return self.drive.update_stop(stamp, position, velocity)
 
     def _halt(self) -> None:
         """Send a torque of the safe stop, or a void command, without a new state."""
@@ -711,16 +667,16 @@ class ControllerCore:
             return self._take_more()
         else:
             stamp = self._order.last
-            if self._was_computed is not False:
+            if self.drive.is_active:
                 self._queue_record(DEACTIVATED)
-            self._was_computed = False
-            action = VOID if self._stop_action() == VOID else BALANCE
-            self._stop.start(action, stamp, self._position, self._velocity)
-            commands = self._stop.update(stamp, self._position, self._velocity)
+            is_guided = self.supervisor.is_guided
+            commands = self.drive.balance(
+                stamp, self._position, self._velocity, is_guided=is_guided
+            )
             self._more.append(HaltCommand(stamp) if commands else Halt(stamp))
             actions = self._take_more()
-        self._is_stale = True
-        if self._stop.commands:
+        self.drive.is_stale = True
+        if self.drive.stop.commands:
             self._void_due = now + BALANCE_TIME
         return actions
 
@@ -729,15 +685,16 @@ class ControllerCore:
     def _enable(self, now: float) -> None:
         before = self.supervisor.activations
         self.supervisor.enable()
-        if self._watched < math.inf and self.supervisor.activations != before:
-            self._watched = now
+        if self.supervisor.activations != before:
+            self.drive.request_restart()
+            if self._watched < math.inf:
+                self._watched = now
 
     def _release(self, now: float) -> Actions:
         """Send a void command, as a controller that has not moved the robot."""
-        self._computed, self._has_moved = None, False
-        self._queue_record(RELEASED)
+        self._apply(RELEASED, self._order.last or 0, self._position, self._velocity)
         actions = self._after_change(now)
-        if self.pacing.is_timed and self._stop.commands:
+        if self.pacing.is_timed and self.drive.stop.commands:
             self._halt()
         return (*actions, *self._take_more())
 
@@ -756,16 +713,13 @@ class ControllerCore:
 
     def _lacks_states(self) -> bool:
         supervisor = self.supervisor
-        return self._is_stale or (supervisor.state == FAULT and supervisor.cause == STATES)
+        return self.drive.is_stale or (supervisor.state == FAULT and supervisor.cause == STATES)
 
     def _restart(self, order: Order, now: float) -> None:
         """Restart the law at the next computed tick."""
         if order is Order.BACK:
             text = 'time was set back; the controller restarts'
             self._more.append(Line('info', text))
-            if not self.pacing.is_timed:
-                # In the restarted run, this controller has not yet moved the robot.
-                self._computed, self._has_moved = None, False
         else:
             self.counts.gaps += 1
             if self._throttle.is_due('gap', now):
@@ -773,13 +727,10 @@ class ControllerCore:
                 self._more.append(Line('warning', text))
         self._watch.note_late(now)
         self._lateness.restart()
-        if not self._stop.commands:
-            # The robot does not apply the last command any more.
-            self.controller.output_not_applied()
+        # In the restarted run, this controller has not yet moved the robot.
+        is_new_run = order is Order.BACK and not self.pacing.is_timed
+        self.drive.restart(is_new_run=is_new_run)
         self._pending = None
-        self._activation = -1
-        self._was_computed = None
-        self._is_unfolding = False
 
     def _after_change(self, now: float) -> Actions:
         """Return the actions after the supervisor may have changed between two states."""
@@ -815,7 +766,7 @@ class ControllerCore:
         return more
 
     def _set_pacing(self, pacing: Pacing) -> None:
-        self.pacing = pacing
+        self.pacing, self.drive.is_timed = pacing, pacing.is_timed
         self._order.gap_ns = pacing.gap_ns(self._values)
         self._state_timeout = pacing.state_timeout(self._values)
 

@@ -168,7 +168,7 @@ class Core(RuleBasedStateMachine):
         order = self.core._order
         last, pending = order.last, self.core._pending
         late, gaps = self.core.counts.late, self.core.counts.gaps
-        is_stopped = self.core._stop.commands
+        is_stopped = self.core.drive.stop.commands
         actions = self.core.on_state(stamp, self.position, velocity, self.now)
         if self.core.counts.late > late:
             assert actions == ()

@@ -166,10 +166,10 @@ def test_core_change_to_real_time_after_released_hand_guiding_halts() -> None:
     loop.run(0.5)
     loop.perform(loop.core.on_guide(loop.now, enabled=True))
     loop.run(0.1)
-    assert loop.core._stop.commands
+    assert loop.core.drive.stop.commands
     assert not {Halt, HaltCommand} & set(kinds(loop.core.on_transition(0, 'cleanup', loop.now)))
     assert Halt in kinds(loop.core.on_plant('realtime'))
-    assert not loop.core._stop.commands
+    assert not loop.core.drive.stop.commands
 
 
 def test_core_shutdown_halts() -> None:
@@ -242,7 +242,7 @@ def unfolding() -> CoreLoop:
     loop.run(0.2)
     loop.perform(loop.core.on_enable(loop.now, enabled=True))
     loop.run(0.1)
-    assert loop.core._is_unfolding
+    assert loop.core.drive.is_unfolding
     return loop
 
 
