@@ -16,28 +16,20 @@ import math
 
 from masmc_ros.aliases import Array
 from masmc_ros.control.actions import (
-    Action,
     Actions,
-    Command,
     Failure,
-    Finish,
     Halt,
     HaltCommand,
     Line,
     NOTHING,
-    Record,
     Repeat,
-    State,
-    StopCommand,
-    Telemetry,
-    Void,
-    Wait,
 )
 from masmc_ros.control.layer_watch import LayerWatch
 from masmc_ros.control.lifecycle import find_transition, LifecycleState, state_of
+from masmc_ros.control.outbox import Outbox
 from masmc_ros.control.pacing import Pacing, PACINGS
 from masmc_ros.control.state_lateness import StateLateness
-from masmc_ros.control.supervisor import ACTIVE, FAULT, NO_REFERENCE, Supervisor
+from masmc_ros.control.supervisor import FAULT, NO_REFERENCE, Supervisor
 from masmc_ros.errors import InputError, UserError
 from masmc_ros.loop.closed_loop import NOT_FINITE, SINGULAR
 from masmc_ros.loop.controller import Controller
@@ -56,7 +48,7 @@ from masmc_ros.loop.simulated_robot import diverged
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.messages.stamp_order import Order, StampOrder
-from masmc_ros.params.declaration import MutableValues, Values
+from masmc_ros.params.declaration import Values
 from masmc_ros.reference.approach import Approach
 from masmc_ros.reference.windows import ReferenceWindows
 from masmc_ros.throttle import Throttle
@@ -146,7 +138,7 @@ class ControllerCore:
         self.controller = controller
         self.supervisor = Supervisor(active=values['active_on_start'])
         self.windows = ReferenceWindows(
-            len(controller.mechanism.axes), lambda text: self._more.append(Line('warning', text))
+            len(controller.mechanism.axes), lambda text: self._outbox.add_line('warning', text)
         )
         self.counts = Counts()
         self.arrival = math.inf
@@ -163,9 +155,7 @@ class ControllerCore:
         )
         self._watch = RunawayWatch(controller, controller.mechanism.speed_limits)
         self._values = dict(values)
-        self._period_ns = 1e9 * timing.period
-        self._last_tick = math.inf if timing.last is None else timing.last
-        self._last_stamp = -1 if timing.last is None else timing.stamp(timing.last)
+        self._outbox = Outbox(timing, values)
         self._order = StampOrder()
         self._lateness = StateLateness()
         self._pending: int | None = None
@@ -182,19 +172,6 @@ class ControllerCore:
         self._awaited = ''
         self._halted: int | None = None
         self._throttle = Throttle(_QUIET)
-        self._published = ''
-        self._is_waiting = True
-        self._more: list[Action] = []
-        self._unpublished: list[tuple[MutableValues, tuple[str, ...], str]] = []
-        # The actions of an ordinary tick are created here, once.
-        self._command, self._telemetry = Command(), Telemetry()
-        self._stop_command, self._void = StopCommand(), Void()
-        self._command_only: Actions = (self._command,)
-        self._command_and_telemetry: Actions = (self._command, self._telemetry)
-        self._stop_only: Actions = (self._stop_command,)
-        self._void_only: Actions = (self._void,)
-        self._repeat: Actions = (Repeat(),)
-        self._decimation: int = values['telemetry_decimation']
         self._set_pacing(pacing)
 
     # Events.
@@ -232,7 +209,7 @@ class ControllerCore:
                 self.counts.repeated += 1
                 if is_alive:
                     self.arrival = self._watched = now
-                return self._repeat
+                return (Repeat(),)
             order = Order.NEXT if self._pending is None else self._pending_order
         else:
             is_alive, self._is_confused = True, False
@@ -262,7 +239,7 @@ class ControllerCore:
             return NOTHING
         if was_active:
             self.supervisor.fail(STATES, f'states of two robots: {senders}')
-            self._publish_state()
+            self._outbox.add_state(self.supervisor)
         self._missed, self._pending, self._was_mixed = math.inf, None, True
         return self._lose_states(now)
 
@@ -313,7 +290,7 @@ class ControllerCore:
         if self.supervisor.is_active:
             source = self.missing_source()
             self.supervisor.fail(STATES, f'no usable {source} for {self._state_timeout:g} s')
-            self._publish_state()
+            self._outbox.add_state(self.supervisor)
         return self._lose_states(now)
 
     @property
@@ -329,7 +306,7 @@ class ControllerCore:
     def on_parameters(self, changed: Values) -> Actions:
         """Use checked values from the next tick on, as the controller does; record them."""
         self._values.update(changed)
-        self._queue_record(changed=tuple(changed))
+        self._outbox.add_record(self._values, changed=tuple(changed))
         self.drive.stop.change()
         self._set_pacing(self.pacing)
         self._layer.restart()
@@ -380,7 +357,7 @@ class ControllerCore:
         has_ended = drive.source is Source.LAW or (drive.stop.commands and is_void)
         if self._order.last is not None and has_ended and not self.supervisor.is_active:
             self._halt()
-        return self._take_more()
+        return self._outbox.take()
 
     def on_enable(self, now: float, *, enabled: bool) -> Actions:
         """Activate the law, or end it by the safe stop."""
@@ -480,7 +457,7 @@ class ControllerCore:
             self._held_since = None
             if not supervisor.is_active and supervisor.recover(REFERENCE, is_restart=True):
                 self.drive.request_restart()
-                self._publish_state()
+                self._outbox.add_state(self.supervisor)
         elif supervisor.is_active:
             reference = self._held(stamp, now)
         else:
@@ -494,48 +471,22 @@ class ControllerCore:
             if self.drive.is_running or not self._unfolds(stamp, position, velocity):
                 error = self._compute(stamp, position, velocity, reference, now)
             if error is not None:
-                return (*self._take_more(), Failure(error))
+                return (*self._outbox.take(), Failure(error))
         self._pending = None
-        if self._is_waiting:
-            self._is_waiting = False
-            self._more.append(Wait(None))
-        tick = round(stamp / self._period_ns)
+        outbox = self._outbox
         # Read again: the computation may have raised a fault.
-        if self.drive.is_unfolding and supervisor.is_active:
-            self._stop_command.stamp = stamp
-            actions = self._stop_only
-        elif supervisor.is_active:
-            self._command.stamp = stamp
-            actions = self._command_only
-            if self._decimation and not tick % self._decimation:
-                self._telemetry.stamp = stamp
-                actions = self._command_and_telemetry
+        if supervisor.is_active:
+            answer = outbox.stop_command if self.drive.is_unfolding else outbox.command
         elif self._stop_torque(stamp, position, velocity):
-            self._stop_command.stamp = stamp
-            actions = self._stop_only
+            answer = outbox.stop_command
         else:
-            self._void.stamp = stamp
-            actions = self._void_only
-        if self._more or self._unpublished or tick >= self._last_tick:
-            return self._extended(actions, tick, stamp)
-        return actions
+            answer = outbox.void
+        return outbox.respond(answer, stamp, self._pending_order, self.pacing)
 
     def _respond_to_pending(self, now: float) -> Actions:
         if self._pending is None:
             return NOTHING
         return self._respond(self._pending, self._position, self._velocity, now)
-
-    def _extended(self, actions: Actions, tick: int, stamp: int) -> Actions:
-        """Return a response with the actions before and after it."""
-        records = [Record(tick, stamp, *record) for record in self._unpublished]
-        self._unpublished.clear()
-        # The final state may arrive far ahead of the previous one if this process was late at
-        # the end of the run. No later state confirms it.
-        is_last = tick >= self._last_tick and (
-            stamp == self._last_stamp or self.pacing.is_near(self._pending_order)
-        )
-        end = (Finish(),) if is_last else NOTHING
-        return (*self._take_more(), *actions, *records, *end)
 
     def _held(self, stamp: int, now: float) -> Array | None:
         """Return the last position of a reference that ended; raise a fault after a time."""
@@ -555,19 +506,18 @@ class ControllerCore:
         self._pending = stamp
         if position is not self._position:
             self._position[:], self._velocity[:] = position, velocity
-        self._is_waiting = True
-        self._more.append(Wait(reason))
+        self._outbox.add_wait(reason)
         # A robot that this controller has moved must not continue with its last torque.
         if self.pacing.is_timed and self.drive.has_moved and self._halted != stamp:
             self._halted = stamp
             self._halt()
             self.drive.approach.start()
-        return self._take_more()
+        return self._outbox.take()
 
     def _apply(self, event: str, stamp: int, position: Array, velocity: Array) -> None:
         """Apply an event to the drive, and record it."""
         self.drive.apply(event, stamp, position, velocity)
-        self._queue_record(event)
+        self._outbox.add_record(self._values, event)
 
     def _unfolds(self, stamp: int, position: Array, velocity: Array) -> bool:
         """Leave a singular joint position before the law starts; return False if it is regular."""
@@ -605,7 +555,7 @@ class ControllerCore:
             # A plug-in law can raise anything. A run without an end belongs to a user who tunes
             # gains: no request may end it. The safe stop continues from the last torque sent.
             controller.commanded[:] = commanded
-            is_endless = self._last_tick == math.inf
+            is_endless = self._outbox.is_endless
             if not is_endless and pacing.ends_with(error) and isinstance(error, UserError):
                 self._error = error
                 return error
@@ -641,7 +591,7 @@ class ControllerCore:
             self.counts.skipped += skipped
         line = self._layer.check(skipped + 1, position, now)
         if line is not None:
-            self._more.append(Line('warning', line))
+            self._outbox.add_line('warning', line)
 
     # Safe stop.
 
@@ -657,24 +607,24 @@ class ControllerCore:
         stamp = self._order.last if self._pending is None else self._pending
         assert stamp is not None
         commands = self._stop_torque(stamp, self._position, self._velocity)
-        self._more.append(HaltCommand(stamp) if commands else Halt(stamp))
+        self._outbox.add(HaltCommand(stamp) if commands else Halt(stamp))
 
     def _lose_states(self, now: float) -> Actions:
         """Command the last gravity torque for a short time, then send a void command."""
         if self._pending is not None:
             actions = self._respond_to_pending(now)
         elif self._order.last is None:
-            return self._take_more()
+            return self._outbox.take()
         else:
             stamp = self._order.last
             if self.drive.is_active:
-                self._queue_record(DEACTIVATED)
+                self._outbox.add_record(self._values, DEACTIVATED)
             is_guided = self.supervisor.is_guided
             commands = self.drive.balance(
                 stamp, self._position, self._velocity, is_guided=is_guided
             )
-            self._more.append(HaltCommand(stamp) if commands else Halt(stamp))
-            actions = self._take_more()
+            self._outbox.add(HaltCommand(stamp) if commands else Halt(stamp))
+            actions = self._outbox.take()
         self.drive.is_stale = True
         if self.drive.stop.commands:
             self._void_due = now + BALANCE_TIME
@@ -696,7 +646,7 @@ class ControllerCore:
         actions = self._after_change(now)
         if self.pacing.is_timed and self.drive.stop.commands:
             self._halt()
-        return (*actions, *self._take_more())
+        return (*actions, *self._outbox.take())
 
     def _is_alive_when_repeated(self) -> bool:
         """
@@ -709,7 +659,7 @@ class ControllerCore:
     def _recover_states(self) -> None:
         self._was_mixed = False
         if self.supervisor.recover(STATES, is_restart=False):
-            self._publish_state()
+            self._outbox.add_state(self.supervisor)
 
     def _lacks_states(self) -> bool:
         supervisor = self.supervisor
@@ -719,12 +669,12 @@ class ControllerCore:
         """Restart the law at the next computed tick."""
         if order is Order.BACK:
             text = 'time was set back; the controller restarts'
-            self._more.append(Line('info', text))
+            self._outbox.add_line('info', text)
         else:
             self.counts.gaps += 1
             if self._throttle.is_due('gap', now):
                 text = 'states were missing for longer than state_timeout; the controller restarts'
-                self._more.append(Line('warning', text))
+                self._outbox.add_line('warning', text)
         self._watch.note_late(now)
         self._lateness.restart()
         # In the restarted run, this controller has not yet moved the robot.
@@ -734,36 +684,19 @@ class ControllerCore:
 
     def _after_change(self, now: float) -> Actions:
         """Return the actions after the supervisor may have changed between two states."""
-        was_active = self._published == ACTIVE
-        self._publish_state()
+        was_active = self._outbox.was_active
+        self._outbox.add_state(self.supervisor)
         if self.supervisor.is_active or not (was_active or self._pending is not None):
-            return self._take_more()
+            return self._outbox.take()
         if self._pending is not None:
             return self._respond_to_pending(now)
         if self.pacing.is_timed and self._order.last is not None:
             self._halt()
-        return self._take_more()
-
-    def _publish_state(self) -> None:
-        text = self.supervisor.text
-        if text != self._published:
-            is_fault = self.supervisor.state == FAULT
-            level = 'error' if is_fault else 'info' if self._published else ''
-            self._published = text
-            self._more.append(State(text, level, self.lifecycle))
+        return self._outbox.take()
 
     def _fail(self, cause: str, reason: str, *, is_latched: bool = False) -> None:
         self.supervisor.fail(cause, reason, is_latched=is_latched)
-        self._publish_state()
-
-    def _queue_record(self, event: str = '', changed: tuple[str, ...] = ()) -> None:
-        """Queue a record, to be published with the next response."""
-        self._unpublished.append((dict(self._values), changed, event))
-
-    def _take_more(self) -> Actions:
-        more = tuple(self._more)
-        self._more.clear()
-        return more
+        self._outbox.add_state(self.supervisor)
 
     def _set_pacing(self, pacing: Pacing) -> None:
         self.pacing, self.drive.is_timed = pacing, pacing.is_timed
@@ -786,15 +719,13 @@ class ControllerCore:
         mechanism, at = self.controller.mechanism, f'at t = {stamp * 1e-9:.3f} s'
         if not is_singular:
             text = f'{at} {mechanism.lost} has left the singularity or the end of a range'
-            self._more.append(Line('info', text))
+            self._outbox.add_line('info', text)
             return
         at_end = mechanism.at_range_ends(position[None, -len(mechanism.joints):])[0]
-        self._more.append(
-            Line(
-                'warning',
-                f'{at} {mechanism.range_ends_text(at_end)}; motion for the task stops there'
-                if at_end.any()
-                else f'{at} {mechanism.lost} is close to singular ({mechanism.singular}); motion'
-                ' along the lost direction is damped',
-            )
+        self._outbox.add_line(
+            'warning',
+            f'{at} {mechanism.range_ends_text(at_end)}; motion for the task stops there'
+            if at_end.any()
+            else f'{at} {mechanism.lost} is close to singular ({mechanism.singular}); motion'
+            ' along the lost direction is damped',
         )
