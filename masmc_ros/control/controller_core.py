@@ -11,7 +11,6 @@ waiting, and the caller supplies the time. Stamps are in ns, `now` is a steady t
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 import math
 
 from masmc_ros.aliases import Array
@@ -28,9 +27,10 @@ from masmc_ros.control.layer_watch import LayerWatch
 from masmc_ros.control.lifecycle import find_transition, LifecycleState, state_of
 from masmc_ros.control.outbox import Outbox
 from masmc_ros.control.pacing import Pacing, PACINGS
-from masmc_ros.control.state_lateness import StateLateness
+from masmc_ros.control.reference_gate import ReferenceGate
+from masmc_ros.control.state_gate import StateGate
 from masmc_ros.control.supervisor import FAULT, NO_REFERENCE, Supervisor
-from masmc_ros.errors import InputError, UserError
+from masmc_ros.errors import UserError
 from masmc_ros.loop.closed_loop import NOT_FINITE, SINGULAR
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.controller_events import (
@@ -41,47 +41,17 @@ from masmc_ros.loop.controller_events import (
     UNFOLDED,
 )
 from masmc_ros.loop.drive import Drive, Source
-from masmc_ros.loop.fault_rules import is_overdue
 from masmc_ros.loop.runaway import RunawayWatch
 from masmc_ros.loop.safe_stop import BALANCE_TIME
 from masmc_ros.loop.simulated_robot import diverged
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.reference_window import ReferenceWindow
-from masmc_ros.messages.stamp_order import Order, StampOrder
+from masmc_ros.messages.stamp_order import Order
 from masmc_ros.params.declaration import Values
 from masmc_ros.reference.approach import Approach
-from masmc_ros.reference.windows import ReferenceWindows
-from masmc_ros.throttle import Throttle
-import numpy as np
 
 STATES, REFERENCE, LAW, RUNAWAY = 'states', 'reference', 'law', 'run-away'
 """Causes of faults."""
-
-SECOND_LOOK = 0.01
-"""Time in s after which a missing state is confirmed; this process may have been late."""
-
-_QUIET = 1.0
-"""Time in s between two lines about missing states."""
-
-
-@dataclass(slots=True)
-class Counts:
-    """
-    Numbers of states that arrived out of order, and of periods without a computation.
-
-    Attributes
-    ----------
-    late, repeated, gaps
-        States older than the last one, states with its stamp, and gaps between states.
-    skipped
-        Control periods without a new torque, during which the previous one was held.
-
-    """
-
-    late: int = 0
-    repeated: int = 0
-    gaps: int = 0
-    skipped: int = 0
 
 
 class ControllerCore:
@@ -101,14 +71,12 @@ class ControllerCore:
         Law, approach and safe stop.
     supervisor
         Mode: active, inactive or fault.
-    windows
+    states
+        Received states.
+    reference
         Received reference.
     pacing
         Lock-step or real time.
-    counts
-        Irregular states and ticks.
-    arrival
-        Time at which the last state arrived, infinite before the first one.
     missing_source
         Function that returns the source without which states are not complete.
 
@@ -137,14 +105,12 @@ class ControllerCore:
         """
         self.controller = controller
         self.supervisor = Supervisor(active=values['active_on_start'])
-        self.windows = ReferenceWindows(
-            len(controller.mechanism.axes), lambda text: self._outbox.add_line('warning', text)
+        self._outbox = outbox = Outbox(timing, values)
+        self.states = StateGate(len(controller.mechanism.positions))
+        self.reference = ReferenceGate(
+            controller.robot, lambda text: outbox.add_line('warning', text)
         )
-        self.counts = Counts()
-        self.arrival = math.inf
         self.missing_source: Callable[[], str] = lambda: 'joint_states'
-        # Start of the state timeout: the last arrival or activation.
-        self._watched = math.inf
         self._layer = layer
         pacing = PACINGS[values['pacing']]
         self.drive = Drive(
@@ -155,23 +121,10 @@ class ControllerCore:
         )
         self._watch = RunawayWatch(controller, controller.mechanism.speed_limits)
         self._values = dict(values)
-        self._outbox = Outbox(timing, values)
-        self._order = StampOrder()
-        self._lateness = StateLateness()
-        self._pending: int | None = None
-        self._pending_order = Order.NEXT
-        positions = len(controller.mechanism.positions)
-        self._position, self._velocity = np.zeros(positions), np.zeros(positions)
         self._error: UserError | None = None
         self._was_singular = False
-        self._held_since: float | None = None
-        self._missed = self._second_look = self._void_due = math.inf
-        self._is_confused = False
-        self._was_mixed = False
-        self._has_plant = False
         self._awaited = ''
         self._halted: int | None = None
-        self._throttle = Throttle(_QUIET)
         self._set_pacing(pacing)
 
     # Events.
@@ -194,33 +147,26 @@ class ControllerCore:
             Time of arrival in s.
 
         """
-        order = self._order.judge(stamp)
-        if order is Order.LATE and self._was_mixed:
-            # The later stamps may be those of the other robot.
-            order = self._order.set_back(stamp)
+        states, is_timed, is_alive = self.states, self.pacing.is_timed, True
+        order = states.judge(stamp)
         if order is Order.LATE:
-            # After a late state, a repetition of the last one does not prove that the robot runs.
-            self.counts.late += 1
-            self._is_confused = True
             return NOTHING
         if order is Order.REPEATED:
-            is_alive = self._is_alive_when_repeated()
-            if self._pending is None and not (is_alive and self._lacks_states()):
-                self.counts.repeated += 1
+            is_alive = states.is_alive_when_repeated(is_timed=is_timed)
+            if states.pending is None and not (is_alive and self._lacks_states()):
+                states.counts.repeated += 1
                 if is_alive:
-                    self.arrival = self._watched = now
+                    states.note_arrival(now)
                 return (Repeat(),)
-            order = Order.NEXT if self._pending is None else self._pending_order
-        else:
-            is_alive, self._is_confused = True, False
-            if order is not Order.NEXT:
-                self._restart(order, now)
+            order = Order.NEXT if states.pending is None else states.pending_order
+        elif order is not Order.NEXT:
+            self._restart(order, now)
         if is_alive:
-            self.arrival = self._watched = now
-            self._void_due = math.inf
-        self._pending_order = order
-        if self.pacing.is_timed:
-            self._position[:], self._velocity[:] = position, velocity
+            states.note_arrival(now)
+            states.void_due = math.inf
+        states.pending_order = order
+        if is_timed:
+            states.keep(position, velocity)
         if is_alive and not self.supervisor.is_active and self._watch.may_continue(now):
             self._recover_states()
         return self._respond(stamp, position, velocity, now)
@@ -240,7 +186,7 @@ class ControllerCore:
         if was_active:
             self.supervisor.fail(STATES, f'states of two robots: {senders}')
             self._outbox.add_state(self.supervisor)
-        self._missed, self._pending, self._was_mixed = math.inf, None, True
+        self.states.drop_mixed()
         return self._lose_states(now)
 
     def on_jump(self, now: float) -> Actions:
@@ -249,7 +195,7 @@ class ControllerCore:
             return NOTHING
         self.drive.approach.start()
         self.controller.skip(0)
-        if self._throttle.is_due('jump', now):
+        if self._outbox.throttle.is_due('jump', now):
             return (Line('info', 'the pose jumped; the controller approaches its reference'),)
         return NOTHING
 
@@ -264,32 +210,25 @@ class ControllerCore:
             while a trajectory runs.
 
         """
-        samples = window.samples.reshape(len(window.samples), -1)
-        self._check_reach(samples)
-        if window.stamp_ns is None:
-            self.windows.set_point(samples[0], self._order.last)
-        else:
-            self.windows.add(window.stamp_ns, window.period, samples)
+        self.reference.add(window, self.states.order.last)
         return self._respond_to_pending(now)
 
     def on_timer(self, now: float) -> Actions:
         """Check for missing states; to be called at `deadline`."""
         if now < self.deadline:
             return NOTHING
-        if self._void_due <= now:
-            self._void_due = math.inf
+        states = self.states
+        if states.void_due <= now:
+            states.void_due = math.inf
             self.drive.stop.release()
-            assert self._order.last is not None
+            assert states.order.last is not None
             # The state timeout of a law that was enabled meanwhile may be due as well.
-            return (Halt(self._order.last), *self.on_timer(now))
-        if self._missed != self._watched:
-            # A controller that was late itself first processes the states in its queue.
-            self._missed, self._second_look = self._watched, now + SECOND_LOOK
+            return (Halt(states.order.last), *self.on_timer(now))
+        if not states.confirms_missing(now):
             return NOTHING
-        self._missed = math.inf
         if self.supervisor.is_active:
             source = self.missing_source()
-            self.supervisor.fail(STATES, f'no usable {source} for {self._state_timeout:g} s')
+            self.supervisor.fail(STATES, f'no usable {source} for {states.timeout:g} s')
             self._outbox.add_state(self.supervisor)
         return self._lose_states(now)
 
@@ -297,11 +236,7 @@ class ControllerCore:
     def deadline(self) -> float:
         """Time in s at which to call `on_timer`; infinite for never."""
         stops = self.drive.stop.commands and not self.drive.is_stale
-        if not (self.supervisor.is_active or stops):
-            return self._void_due
-        is_missed = self._missed == self._watched
-        timeout = self._second_look if is_missed else self._watched + self._state_timeout
-        return min(timeout, self._void_due)
+        return self.states.deadline(is_watched=self.supervisor.is_active or stops)
 
     def on_parameters(self, changed: Values) -> Actions:
         """Use checked values from the next tick on, as the controller does; record them."""
@@ -342,20 +277,20 @@ class ControllerCore:
             not disable the timeouts.
 
         """
-        self._has_plant = True
+        self.states.has_plant = True
         if pacing != 'realtime' or self.pacing.is_timed:
             return NOTHING
-        self._held_since, self._awaited = None, ''
+        self.reference.restart_timeout()
+        self._awaited = ''
         self._set_pacing(PACINGS[pacing])
-        if self._pending is None:
+        if self.states.pending is None:
             signals = self.controller.signals[0]
-            self._position[:] = signals['position'][:, 0]
-            self._velocity[:] = signals['velocity'][:, 0]
+            self.states.keep(signals['position'][:, 0], signals['velocity'][:, 0])
         # A law or a safe stop that ended after the last state in lock-step must not continue.
         drive = self.drive
         is_void = drive.is_void(is_guided=self.supervisor.is_guided)
         has_ended = drive.source is Source.LAW or (drive.stop.commands and is_void)
-        if self._order.last is not None and has_ended and not self.supervisor.is_active:
+        if self.states.order.last is not None and has_ended and not self.supervisor.is_active:
             self._halt()
         return self._outbox.take()
 
@@ -436,15 +371,15 @@ class ControllerCore:
 
     def on_reset_adaptation(self) -> Actions:
         """Reset the adaptation; the next tick records it."""
-        self._apply(ADAPTATION_RESET, self._order.last or 0, self._position, self._velocity)
+        self._apply_between(ADAPTATION_RESET)
         return NOTHING
 
     def on_shutdown(self) -> Actions:
         """Send a void command as the last action of a controller in real time."""
-        if not self.pacing.is_timed or self._order.last is None:
+        if not self.pacing.is_timed or self.states.order.last is None:
             return NOTHING
         self.drive.stop.release()
-        return (Halt(self._order.last),)
+        return (Halt(self.states.order.last),)
 
     # Response to a state.
 
@@ -452,9 +387,8 @@ class ControllerCore:
         supervisor = self.supervisor
         if self._awaited and supervisor.is_active:
             return self._wait(stamp, position, velocity, self._awaited)
-        reference = self.windows.at(stamp)
+        reference = self.reference.at(stamp)
         if reference is not None:
-            self._held_since = None
             if not supervisor.is_active and supervisor.recover(REFERENCE, is_restart=True):
                 self.drive.request_restart()
                 self._outbox.add_state(self.supervisor)
@@ -462,7 +396,7 @@ class ControllerCore:
             reference = self._held(stamp, now)
         else:
             # The timeout of a reference that has ended starts with an activation.
-            self._held_since = None
+            self.reference.restart_timeout()
         if supervisor.is_active:
             if reference is None:
                 return self._wait(stamp, position, velocity, 'the trajectory (reference)')
@@ -472,7 +406,7 @@ class ControllerCore:
                 error = self._compute(stamp, position, velocity, reference, now)
             if error is not None:
                 return (*self._outbox.take(), Failure(error))
-        self._pending = None
+        self.states.pending = None
         outbox = self._outbox
         # Read again: the computation may have raised a fault.
         if supervisor.is_active:
@@ -481,31 +415,28 @@ class ControllerCore:
             answer = outbox.stop_command
         else:
             answer = outbox.void
-        return outbox.respond(answer, stamp, self._pending_order, self.pacing)
+        return outbox.respond(answer, stamp, self.states.pending_order, self.pacing)
 
     def _respond_to_pending(self, now: float) -> Actions:
-        if self._pending is None:
+        if self.states.pending is None:
             return NOTHING
-        return self._respond(self._pending, self._position, self._velocity, now)
+        return self._respond(self.states.pending, self.states.position, self.states.velocity, now)
 
     def _held(self, stamp: int, now: float) -> Array | None:
         """Return the last position of a reference that ended; raise a fault after a time."""
-        if not self.pacing.holds(stamp, self._pending, self.drive.computed):
+        if not self.pacing.holds(stamp, self.states.pending, self.drive.computed):
             return None
-        reference = self.windows.held_after(stamp)
-        if reference is not None:
-            if self._held_since is None:
-                self._held_since = now
-            timeout = self.pacing.reference_timeout(self._values)
-            if is_overdue(now, self._held_since, timeout):
-                self._fail(REFERENCE, f'{NO_REFERENCE} for {timeout:g} s')
+        reference = self.reference.held_after(stamp, now)
+        timeout = self.pacing.reference_timeout(self._values)
+        if reference is not None and self.reference.is_overdue(now, timeout):
+            self._fail(REFERENCE, f'{NO_REFERENCE} for {timeout:g} s')
         return reference
 
     def _wait(self, stamp: int, position: Array, velocity: Array, reason: str) -> Actions:
         """Keep a state until its reference arrives, or the code of its law is ready."""
-        self._pending = stamp
-        if position is not self._position:
-            self._position[:], self._velocity[:] = position, velocity
+        self.states.pending = stamp
+        if position is not self.states.position:
+            self.states.keep(position, velocity)
         self._outbox.add_wait(reason)
         # A robot that this controller has moved must not continue with its last torque.
         if self.pacing.is_timed and self.drive.has_moved and self._halted != stamp:
@@ -518,6 +449,11 @@ class ControllerCore:
         """Apply an event to the drive, and record it."""
         self.drive.apply(event, stamp, position, velocity)
         self._outbox.add_record(self._values, event)
+
+    def _apply_between(self, event: str) -> None:
+        """Apply an event between two states, and record it."""
+        states = self.states
+        self._apply(event, states.order.last or 0, states.position, states.velocity)
 
     def _unfolds(self, stamp: int, position: Array, velocity: Array) -> bool:
         """Leave a singular joint position before the law starts; return False if it is regular."""
@@ -543,7 +479,7 @@ class ControllerCore:
             self._skip_ticks(stamp, position, now)
         if pacing.is_timed:
             # A controller that was late itself processes the states in its queue one by one.
-            lateness = self._lateness.add(stamp, now)
+            lateness = self.states.lateness.add(stamp, now)
             self._watch.note_age(lateness, now)
             if controller.is_compensated:
                 controller.set_lateness(lateness)
@@ -588,7 +524,7 @@ class ControllerCore:
         skipped = self.drive.skip_to(stamp)
         if skipped:
             self._watch.skip(skipped, now)
-            self.counts.skipped += skipped
+            self.states.counts.skipped += skipped
         line = self._layer.check(skipped + 1, position, now)
         if line is not None:
             self._outbox.add_line('warning', line)
@@ -604,30 +540,30 @@ class ControllerCore:
 
     def _halt(self) -> None:
         """Send a torque of the safe stop, or a void command, without a new state."""
-        stamp = self._order.last if self._pending is None else self._pending
+        stamp = self.states.stamp
         assert stamp is not None
-        commands = self._stop_torque(stamp, self._position, self._velocity)
+        commands = self._stop_torque(stamp, self.states.position, self.states.velocity)
         self._outbox.add(HaltCommand(stamp) if commands else Halt(stamp))
 
     def _lose_states(self, now: float) -> Actions:
         """Command the last gravity torque for a short time, then send a void command."""
-        if self._pending is not None:
+        if self.states.pending is not None:
             actions = self._respond_to_pending(now)
-        elif self._order.last is None:
+        elif self.states.order.last is None:
             return self._outbox.take()
         else:
-            stamp = self._order.last
+            stamp = self.states.order.last
             if self.drive.is_active:
                 self._outbox.add_record(self._values, DEACTIVATED)
             is_guided = self.supervisor.is_guided
             commands = self.drive.balance(
-                stamp, self._position, self._velocity, is_guided=is_guided
+                stamp, self.states.position, self.states.velocity, is_guided=is_guided
             )
             self._outbox.add(HaltCommand(stamp) if commands else Halt(stamp))
             actions = self._outbox.take()
         self.drive.is_stale = True
         if self.drive.stop.commands:
-            self._void_due = now + BALANCE_TIME
+            self.states.void_due = now + BALANCE_TIME
         return actions
 
     # Changes of mode.
@@ -637,27 +573,18 @@ class ControllerCore:
         self.supervisor.enable()
         if self.supervisor.activations != before:
             self.drive.request_restart()
-            if self._watched < math.inf:
-                self._watched = now
+            self.states.note_activation(now)
 
     def _release(self, now: float) -> Actions:
         """Send a void command, as a controller that has not moved the robot."""
-        self._apply(RELEASED, self._order.last or 0, self._position, self._velocity)
+        self._apply_between(RELEASED)
         actions = self._after_change(now)
         if self.pacing.is_timed and self.drive.stop.commands:
             self._halt()
         return (*actions, *self._outbox.take())
 
-    def _is_alive_when_repeated(self) -> bool:
-        """
-        Return True if a repeated state shows that the robot is alive.
-
-        A paused plant repeats its state. A robot driver that repeats it has stopped measuring.
-        """
-        return not self._is_confused and (self._has_plant or not self.pacing.is_timed)
-
     def _recover_states(self) -> None:
-        self._was_mixed = False
+        self.states.was_mixed = False
         if self.supervisor.recover(STATES, is_restart=False):
             self._outbox.add_state(self.supervisor)
 
@@ -671,26 +598,26 @@ class ControllerCore:
             text = 'time was set back; the controller restarts'
             self._outbox.add_line('info', text)
         else:
-            self.counts.gaps += 1
-            if self._throttle.is_due('gap', now):
+            self.states.counts.gaps += 1
+            if self._outbox.throttle.is_due('gap', now):
                 text = 'states were missing for longer than state_timeout; the controller restarts'
                 self._outbox.add_line('warning', text)
         self._watch.note_late(now)
-        self._lateness.restart()
+        self.states.lateness.restart()
         # In the restarted run, this controller has not yet moved the robot.
         is_new_run = order is Order.BACK and not self.pacing.is_timed
         self.drive.restart(is_new_run=is_new_run)
-        self._pending = None
+        self.states.pending = None
 
     def _after_change(self, now: float) -> Actions:
         """Return the actions after the supervisor may have changed between two states."""
         was_active = self._outbox.was_active
         self._outbox.add_state(self.supervisor)
-        if self.supervisor.is_active or not (was_active or self._pending is not None):
+        if self.supervisor.is_active or not (was_active or self.states.pending is not None):
             return self._outbox.take()
-        if self._pending is not None:
+        if self.states.pending is not None:
             return self._respond_to_pending(now)
-        if self.pacing.is_timed and self._order.last is not None:
+        if self.pacing.is_timed and self.states.order.last is not None:
             self._halt()
         return self._outbox.take()
 
@@ -700,20 +627,8 @@ class ControllerCore:
 
     def _set_pacing(self, pacing: Pacing) -> None:
         self.pacing, self.drive.is_timed = pacing, pacing.is_timed
-        self._order.gap_ns = pacing.gap_ns(self._values)
-        self._state_timeout = pacing.state_timeout(self._values)
-
-    def _check_reach(self, samples: Array) -> None:
-        """Raise InputError for a position that the mechanism cannot reach."""
-        mechanism, axes = self.controller.mechanism, len(self.controller.mechanism.axes)
-        if samples.shape[1] < axes or not np.isfinite(samples).all():
-            return
-        unreachable = mechanism.formulas.out_of_reach(
-            self.controller.robot.geometry, np.ascontiguousarray(samples[:, :axes])
-        )
-        if unreachable is not None:
-            sample, reason = unreachable
-            raise InputError(f'reference: sample {sample} cannot be reached: {reason}')
+        self.states.order.gap_ns = pacing.gap_ns(self._values)
+        self.states.timeout = pacing.state_timeout(self._values)
 
     def _log_singularity(self, stamp: int, position: Array, *, is_singular: bool) -> None:
         mechanism, at = self.controller.mechanism, f'at t = {stamp * 1e-9:.3f} s'

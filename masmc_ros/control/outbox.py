@@ -27,6 +27,10 @@ from masmc_ros.control.supervisor import ACTIVE, FAULT, Supervisor
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.stamp_order import Order
 from masmc_ros.params.declaration import MutableValues, Values
+from masmc_ros.throttle import Throttle
+
+_QUIET = 1.0
+"""Time in s between two lines about missing states, or about jumps of the pose."""
 
 
 class Outbox:
@@ -39,6 +43,8 @@ class Outbox:
     ----------
     command, stop_command, void
         Responses of law and safe stop, created once and reused.
+    throttle
+        Time between two lines about the same topic.
     was_active
         True if the last published state of the controller was active.
 
@@ -47,6 +53,7 @@ class Outbox:
     def __init__(self, timing: Timing, values: Values) -> None:
         """Initialise an empty queue with the grid of the run and the controller's parameters."""
         self.command, self.stop_command, self.void = Command(), StopCommand(), Void()
+        self.throttle = Throttle(_QUIET)
         self.was_active = False
         self._telemetry = Telemetry()
         self._decimation: int = values['telemetry_decimation']

@@ -187,9 +187,9 @@ class ControllerHealth:
             Inputs with more than one sender, '' without such.
 
         """
-        supervisor, controller, counts = core.supervisor, core.controller, core.counts
-        has_state = core.arrival < math.inf
-        silence = max(0.0, time.monotonic() - core.arrival) if has_state else math.inf
+        supervisor, controller, counts = core.supervisor, core.controller, core.states.counts
+        has_state = core.states.arrival < math.inf
+        silence = max(0.0, time.monotonic() - core.states.arrival) if has_state else math.inf
         values = {
             'state': supervisor.text,
             **self._ticks.report(),

@@ -295,7 +295,7 @@ class ControllerNode(SuiteNode):
     def _watch(self) -> None:
         if self.finished:
             return
-        if self._core.arrival == math.inf and self._states.missing != 'joint_states':
+        if self._core.states.arrival == math.inf and self._states.missing != 'joint_states':
             self.wait(f'the robot ({self._states.missing})')
         self._perform(self._core.on_timer(time.monotonic()))
         effect = self._law_change.poll()
@@ -385,7 +385,7 @@ class ControllerNode(SuiteNode):
     def _send(self, action: Command) -> None:
         self._output.send(action.stamp)
         self._health.add_tick(self._controller)
-        self._health.add_response(action.stamp, self._core.arrival)
+        self._health.add_response(action.stamp, self._core.states.arrival)
         # A simulated plant in lock-step has a known latency, and waits for every answer.
         if self._core.pacing.is_timed:
             self._echo.add(action.stamp)
@@ -394,11 +394,11 @@ class ControllerNode(SuiteNode):
 
     def _send_stop(self, action: StopCommand) -> None:
         self._output.send(action.stamp)
-        self._health.add_response(action.stamp, self._core.arrival)
+        self._health.add_response(action.stamp, self._core.states.arrival)
 
     def _send_void(self, action: Void) -> None:
         self._output.send_void(action.stamp)
-        self._health.add_response(action.stamp, self._core.arrival)
+        self._health.add_response(action.stamp, self._core.states.arrival)
 
     def _publish_state(self, action: State) -> None:
         if action.level:
