@@ -29,7 +29,7 @@ from masmc_ros.control.outbox import Outbox
 from masmc_ros.control.pacing import Pacing, PACINGS
 from masmc_ros.control.reference_gate import ReferenceGate
 from masmc_ros.control.state_gate import StateGate
-from masmc_ros.control.supervisor import FAULT, NO_REFERENCE, Supervisor
+from masmc_ros.control.supervisor import Cause, Supervisor
 from masmc_ros.errors import UserError
 from masmc_ros.loop.closed_loop import NOT_FINITE, SINGULAR
 from masmc_ros.loop.controller import Controller
@@ -49,9 +49,6 @@ from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.messages.stamp_order import Order
 from masmc_ros.params.declaration import Values
 from masmc_ros.reference.approach import Approach
-
-STATES, REFERENCE, LAW, RUNAWAY = 'states', 'reference', 'law', 'run-away'
-"""Causes of faults."""
 
 
 class ControllerCore:
@@ -184,7 +181,7 @@ class ControllerCore:
         if not was_active and (self.drive.is_stale or not self.drive.stop.commands):
             return NOTHING
         if was_active:
-            self.supervisor.fail(STATES, f'states of two robots: {senders}')
+            self.supervisor.fail(Cause.STATES, f'states of two robots: {senders}')
             self._outbox.add_state(self.supervisor)
         self.states.drop_mixed()
         return self._lose_states(now)
@@ -228,7 +225,7 @@ class ControllerCore:
             return NOTHING
         if self.supervisor.is_active:
             source = self.missing_source()
-            self.supervisor.fail(STATES, f'no usable {source} for {states.timeout:g} s')
+            self.supervisor.fail(Cause.STATES, f'no usable {source} for {states.timeout:g} s')
             self._outbox.add_state(self.supervisor)
         return self._lose_states(now)
 
@@ -326,7 +323,7 @@ class ControllerCore:
             return '' if self.supervisor.is_guided else 'hand guiding is not active'
         if self.controller.commands_rates:
             return 'hand guiding needs command_interface = effort or hybrid'
-        if self.supervisor.state == FAULT:
+        if self.supervisor.is_fault:
             return f'{self.supervisor.text}; call ~/clear_fault first'
         return self.enable_refusal(enabled=enabled)
 
@@ -389,7 +386,7 @@ class ControllerCore:
             return self._wait(stamp, position, velocity, self._awaited)
         reference = self.reference.at(stamp)
         if reference is not None:
-            if not supervisor.is_active and supervisor.recover(REFERENCE, is_restart=True):
+            if not supervisor.is_active and supervisor.recover(Cause.REFERENCE, is_restart=True):
                 self.drive.request_restart()
                 self._outbox.add_state(self.supervisor)
         elif supervisor.is_active:
@@ -429,7 +426,7 @@ class ControllerCore:
         reference = self.reference.held_after(stamp, now)
         timeout = self.pacing.reference_timeout(self._values)
         if reference is not None and self.reference.is_overdue(now, timeout):
-            self._fail(REFERENCE, f'{NO_REFERENCE} for {timeout:g} s')
+            self._fail(Cause.REFERENCE, f'{Cause.REFERENCE.value} for {timeout:g} s')
         return reference
 
     def _wait(self, stamp: int, position: Array, velocity: Array, reason: str) -> Actions:
@@ -495,12 +492,12 @@ class ControllerCore:
             if not is_endless and pacing.ends_with(error) and isinstance(error, UserError):
                 self._error = error
                 return error
-            self._fail(LAW, ' '.join(str(error).split()), is_latched=True)
+            self._fail(Cause.LAW, ' '.join(str(error).split()), is_latched=True)
             return None
         if pacing.is_timed and self._values['runaway_detection']:
             alarm = self._watch.look(controller.rates(velocity), now)
             if alarm is not None:
-                cause = STATES if alarm.is_passing else RUNAWAY
+                cause = Cause.STATES if alarm.is_passing else Cause.RUNAWAY
                 self._fail(cause, alarm.reason, is_latched=not alarm.is_passing)
         is_singular = status & SINGULAR != 0
         if is_singular != self._was_singular:
@@ -585,12 +582,12 @@ class ControllerCore:
 
     def _recover_states(self) -> None:
         self.states.was_mixed = False
-        if self.supervisor.recover(STATES, is_restart=False):
+        if self.supervisor.recover(Cause.STATES, is_restart=False):
             self._outbox.add_state(self.supervisor)
 
     def _lacks_states(self) -> bool:
         supervisor = self.supervisor
-        return self.drive.is_stale or (supervisor.state == FAULT and supervisor.cause == STATES)
+        return self.drive.is_stale or supervisor.cause is Cause.STATES
 
     def _restart(self, order: Order, now: float) -> None:
         """Restart the law at the next computed tick."""
@@ -621,7 +618,7 @@ class ControllerCore:
             self._halt()
         return self._outbox.take()
 
-    def _fail(self, cause: str, reason: str, *, is_latched: bool = False) -> None:
+    def _fail(self, cause: Cause, reason: str, *, is_latched: bool = False) -> None:
         self.supervisor.fail(cause, reason, is_latched=is_latched)
         self._outbox.add_state(self.supervisor)
 

@@ -23,7 +23,7 @@ from masmc_ros.control.actions import (
 )
 from masmc_ros.control.lifecycle import state_of
 from masmc_ros.control.pacing import Pacing
-from masmc_ros.control.supervisor import ACTIVE, FAULT, Supervisor
+from masmc_ros.control.supervisor import Supervisor
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.stamp_order import Order
 from masmc_ros.params.declaration import MutableValues, Values
@@ -93,9 +93,8 @@ class Outbox:
         """Queue the state of the controller if it differs from the published one."""
         text = supervisor.text
         if text != self._state:
-            is_fault = supervisor.state == FAULT
-            level = 'error' if is_fault else 'info' if self._state else ''
-            self._state, self.was_active = text, supervisor.state == ACTIVE
+            level = 'error' if supervisor.is_fault else 'info' if self._state else ''
+            self._state, self.was_active = text, supervisor.is_active
             self._actions.append(State(text, level, state_of(supervisor)))
 
     def take(self) -> Actions:

@@ -32,7 +32,6 @@ from masmc_ros.control.actions import (
 )
 from masmc_ros.control.controller_core import ControllerCore
 from masmc_ros.control.layer_watch import LayerWatch
-from masmc_ros.control.supervisor import FAULT
 from masmc_ros.errors import InputError
 from masmc_ros.law import registry
 from masmc_ros.law.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CMD_VEL, takes_rates
@@ -327,7 +326,7 @@ class ControllerNode(SuiteNode):
 
     def _on_clear(self, _: object, response: Trigger.Response) -> Trigger.Response:
         supervisor = self._core.supervisor
-        if supervisor.state != FAULT:
+        if not supervisor.is_fault:
             return _rejected(response, f'{supervisor.text}; there is no fault')
         return self._respond(response, self._core.on_clear(time.monotonic()))
 
