@@ -11,94 +11,44 @@ waiting, and the caller supplies the time. Stamps are in ns, `now` is a steady t
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 import math
 
 from masmc_ros.aliases import Array
 from masmc_ros.control.actions import (
-    Action,
     Actions,
-    Command,
     Failure,
-    Finish,
     Halt,
     HaltCommand,
     Line,
     NOTHING,
-    Record,
     Repeat,
-    State,
-    StopCommand,
-    Telemetry,
-    Void,
-    Wait,
 )
 from masmc_ros.control.layer_watch import LayerWatch
 from masmc_ros.control.lifecycle import find_transition, LifecycleState, state_of
+from masmc_ros.control.outbox import Outbox
 from masmc_ros.control.pacing import Pacing, PACINGS
-from masmc_ros.control.state_lateness import StateLateness
-from masmc_ros.control.supervisor import ACTIVE, FAULT, NO_REFERENCE, Supervisor
-from masmc_ros.errors import InputError, UserError
+from masmc_ros.control.reference_gate import ReferenceGate
+from masmc_ros.control.state_gate import StateGate
+from masmc_ros.control.supervisor import Cause, Supervisor
+from masmc_ros.errors import UserError
 from masmc_ros.loop.closed_loop import NOT_FINITE, SINGULAR
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.controller_events import (
-    ACTIVATED,
     ADAPTATION_RESET,
     DEACTIVATED,
-    GUIDED,
     RELEASED,
     RESUMED,
     UNFOLDED,
 )
-from masmc_ros.loop.fault_rules import is_overdue
+from masmc_ros.loop.drive import Drive, Source
 from masmc_ros.loop.runaway import RunawayWatch
-from masmc_ros.loop.safe_stop import (
-    BALANCE,
-    BALANCE_TIME,
-    GUIDE,
-    SafeStop,
-    UNFOLD,
-    UNFOLDING_TIME,
-    VOID,
-)
+from masmc_ros.loop.safe_stop import BALANCE_TIME
 from masmc_ros.loop.simulated_robot import diverged
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.reference_window import ReferenceWindow
-from masmc_ros.messages.stamp_order import Order, StampOrder
-from masmc_ros.params.declaration import MutableValues, Values
+from masmc_ros.messages.stamp_order import Order
+from masmc_ros.params.declaration import Values
 from masmc_ros.reference.approach import Approach
-from masmc_ros.reference.windows import ReferenceWindows
-from masmc_ros.throttle import Throttle
-import numpy as np
-
-STATES, REFERENCE, LAW, RUNAWAY = 'states', 'reference', 'law', 'run-away'
-"""Causes of faults."""
-
-SECOND_LOOK = 0.01
-"""Time in s after which a missing state is confirmed; this process may have been late."""
-
-_QUIET = 1.0
-"""Time in s between two lines about missing states."""
-
-
-@dataclass(slots=True)
-class Counts:
-    """
-    Numbers of states that arrived out of order, and of periods without a computation.
-
-    Attributes
-    ----------
-    late, repeated, gaps
-        States older than the last one, states with its stamp, and gaps between states.
-    skipped
-        Control periods without a new torque, during which the previous one was held.
-
-    """
-
-    late: int = 0
-    repeated: int = 0
-    gaps: int = 0
-    skipped: int = 0
 
 
 class ControllerCore:
@@ -107,22 +57,23 @@ class ControllerCore:
 
     The command is computed by the law, or by the safe stop (`fault_action`) while the law is not
     active, or it is void. A state without a reference is pending until the reference arrives. The
-    law restarts after an activation, after missing states and after time was set back.
+    law restarts after an activation, after missing states and after time was set back. The core
+    decides the events of the run; it applies each to the drive, and records it.
 
     Attributes
     ----------
     controller
         Law and its results.
+    drive
+        Law, approach and safe stop.
     supervisor
         Mode: active, inactive or fault.
-    windows
+    states
+        Received states.
+    reference
         Received reference.
     pacing
         Lock-step or real time.
-    counts
-        Irregular states and ticks.
-    arrival
-        Time at which the last state arrived, infinite before the first one.
     missing_source
         Function that returns the source without which states are not complete.
 
@@ -151,61 +102,27 @@ class ControllerCore:
         """
         self.controller = controller
         self.supervisor = Supervisor(active=values['active_on_start'])
-        self.windows = ReferenceWindows(
-            len(controller.mechanism.axes), lambda text: self._more.append(Line('warning', text))
+        self._outbox = outbox = Outbox(timing, values)
+        self.states = StateGate(len(controller.mechanism.positions))
+        self.reference = ReferenceGate(
+            controller.robot, lambda text: outbox.add_line('warning', text)
         )
-        self.counts = Counts()
-        self.arrival = math.inf
         self.missing_source: Callable[[], str] = lambda: 'joint_states'
-        # Start of the state timeout: the last arrival or activation.
-        self._watched = math.inf
-        self._approach, self._layer = approach, layer
-        self._stop = SafeStop(controller)
+        self._layer = layer
+        pacing = PACINGS[values['pacing']]
+        self.drive = Drive(
+            controller,
+            approach,
+            is_active=self.supervisor.is_active,
+            is_timed=pacing.is_timed,
+        )
         self._watch = RunawayWatch(controller, controller.mechanism.speed_limits)
         self._values = dict(values)
-        self._period_ns = 1e9 * timing.period
-        self._last_tick = math.inf if timing.last is None else timing.last
-        self._last_stamp = -1 if timing.last is None else timing.stamp(timing.last)
-        self._order = StampOrder()
-        self._lateness = StateLateness()
-        self._pending: int | None = None
-        self._pending_order = Order.NEXT
-        positions = len(controller.mechanism.positions)
-        self._position, self._velocity = np.zeros(positions), np.zeros(positions)
-        # Stamp of the last state for which the law computed a torque.
-        self._computed: int | None = None
-        self._activation = self.supervisor.activations
-        # Whether the law computed the last command; None after a restart.
-        self._was_computed: bool | None = self.supervisor.is_active
         self._error: UserError | None = None
         self._was_singular = False
-        self._held_since: float | None = None
-        self._missed = self._second_look = self._void_due = math.inf
-        self._is_stale = False
-        self._is_confused = False
-        self._was_mixed = False
-        self._has_plant = False
-        # Whether this controller has commanded a torque since its start or `_release`.
-        self._has_moved = False
-        self._action = VOID
         self._awaited = ''
-        self._is_unfolding, self._unfolded_by = False, 0
         self._halted: int | None = None
-        self._throttle = Throttle(_QUIET)
-        self._published = ''
-        self._is_waiting = True
-        self._more: list[Action] = []
-        self._unpublished: list[tuple[MutableValues, tuple[str, ...], str]] = []
-        # The actions of an ordinary tick are created here, once.
-        self._command, self._telemetry = Command(), Telemetry()
-        self._stop_command, self._void = StopCommand(), Void()
-        self._command_only: Actions = (self._command,)
-        self._command_and_telemetry: Actions = (self._command, self._telemetry)
-        self._stop_only: Actions = (self._stop_command,)
-        self._void_only: Actions = (self._void,)
-        self._repeat: Actions = (Repeat(),)
-        self._decimation: int = values['telemetry_decimation']
-        self._set_pacing(PACINGS[values['pacing']])
+        self._set_pacing(pacing)
 
     # Events.
 
@@ -227,33 +144,26 @@ class ControllerCore:
             Time of arrival in s.
 
         """
-        order = self._order.judge(stamp)
-        if order is Order.LATE and self._was_mixed:
-            # The later stamps may be those of the other robot.
-            order = self._order.set_back(stamp)
+        states, is_timed, is_alive = self.states, self.pacing.is_timed, True
+        order = states.judge(stamp)
         if order is Order.LATE:
-            # After a late state, a repetition of the last one does not prove that the robot runs.
-            self.counts.late += 1
-            self._is_confused = True
             return NOTHING
         if order is Order.REPEATED:
-            is_alive = self._is_alive_when_repeated()
-            if self._pending is None and not (is_alive and self._lacks_states()):
-                self.counts.repeated += 1
+            is_alive = states.is_alive_when_repeated(is_timed=is_timed)
+            if states.pending is None and not (is_alive and self._lacks_states()):
+                states.counts.repeated += 1
                 if is_alive:
-                    self.arrival = self._watched = now
-                return self._repeat
-            order = Order.NEXT if self._pending is None else self._pending_order
-        else:
-            is_alive, self._is_confused = True, False
-            if order is not Order.NEXT:
-                self._restart(order, now)
+                    states.note_arrival(now)
+                return (Repeat(),)
+            order = Order.NEXT if states.pending is None else states.pending_order
+        elif order is not Order.NEXT:
+            self._restart(order, now)
         if is_alive:
-            self.arrival = self._watched = now
-            self._void_due = math.inf
-        self._pending_order = order
-        if self.pacing.is_timed:
-            self._position[:], self._velocity[:] = position, velocity
+            states.note_arrival(now)
+            states.void_due = math.inf
+        states.pending_order = order
+        if is_timed:
+            states.keep(position, velocity)
         if is_alive and not self.supervisor.is_active and self._watch.may_continue(now):
             self._recover_states()
         return self._respond(stamp, position, velocity, now)
@@ -268,21 +178,21 @@ class ControllerCore:
         if not self.pacing.is_timed:
             return None
         was_active = self.supervisor.is_active
-        if not was_active and (self._is_stale or not self._stop.commands):
+        if not was_active and (self.drive.is_stale or not self.drive.stop.commands):
             return NOTHING
         if was_active:
-            self.supervisor.fail(STATES, f'states of two robots: {senders}')
-            self._publish_state()
-        self._missed, self._pending, self._was_mixed = math.inf, None, True
+            self.supervisor.fail(Cause.STATES, f'states of two robots: {senders}')
+            self._outbox.add_state(self.supervisor)
+        self.states.drop_mixed()
         return self._lose_states(now)
 
     def on_jump(self, now: float) -> Actions:
         """Approach the reference from the pose to which a localisation moves the robot."""
         if not (self.pacing.is_timed and self.supervisor.is_active):
             return NOTHING
-        self._approach.start()
+        self.drive.approach.start()
         self.controller.skip(0)
-        if self._throttle.is_due('jump', now):
+        if self._outbox.throttle.is_due('jump', now):
             return (Line('info', 'the pose jumped; the controller approaches its reference'),)
         return NOTHING
 
@@ -297,49 +207,39 @@ class ControllerCore:
             while a trajectory runs.
 
         """
-        samples = window.samples.reshape(len(window.samples), -1)
-        self._check_reach(samples)
-        if window.stamp_ns is None:
-            self.windows.set_point(samples[0], self._order.last)
-        else:
-            self.windows.add(window.stamp_ns, window.period, samples)
+        self.reference.add(window, self.states.order.last)
         return self._respond_to_pending(now)
 
     def on_timer(self, now: float) -> Actions:
         """Check for missing states; to be called at `deadline`."""
         if now < self.deadline:
             return NOTHING
-        if self._void_due <= now:
-            self._void_due = math.inf
-            self._stop.release()
-            assert self._order.last is not None
+        states = self.states
+        if states.void_due <= now:
+            states.void_due = math.inf
+            self.drive.stop.release()
+            assert states.order.last is not None
             # The state timeout of a law that was enabled meanwhile may be due as well.
-            return (Halt(self._order.last), *self.on_timer(now))
-        if self._missed != self._watched:
-            # A controller that was late itself first processes the states in its queue.
-            self._missed, self._second_look = self._watched, now + SECOND_LOOK
+            return (Halt(states.order.last), *self.on_timer(now))
+        if not states.confirms_missing(now):
             return NOTHING
-        self._missed = math.inf
         if self.supervisor.is_active:
             source = self.missing_source()
-            self.supervisor.fail(STATES, f'no usable {source} for {self._state_timeout:g} s')
-            self._publish_state()
+            self.supervisor.fail(Cause.STATES, f'no usable {source} for {states.timeout:g} s')
+            self._outbox.add_state(self.supervisor)
         return self._lose_states(now)
 
     @property
     def deadline(self) -> float:
         """Time in s at which to call `on_timer`; infinite for never."""
-        if not (self.supervisor.is_active or (self._stop.commands and not self._is_stale)):
-            return self._void_due
-        is_missed = self._missed == self._watched
-        timeout = self._second_look if is_missed else self._watched + self._state_timeout
-        return min(timeout, self._void_due)
+        stops = self.drive.stop.commands and not self.drive.is_stale
+        return self.states.deadline(is_watched=self.supervisor.is_active or stops)
 
     def on_parameters(self, changed: Values) -> Actions:
         """Use checked values from the next tick on, as the controller does; record them."""
         self._values.update(changed)
-        self._queue_record(changed=tuple(changed))
-        self._stop.change()
+        self._outbox.add_record(self._values, changed=tuple(changed))
+        self.drive.stop.change()
         self._set_pacing(self.pacing)
         self._layer.restart()
         self._watch.restart()
@@ -374,20 +274,22 @@ class ControllerCore:
             not disable the timeouts.
 
         """
-        self._has_plant = True
+        self.states.has_plant = True
         if pacing != 'realtime' or self.pacing.is_timed:
             return NOTHING
-        self._held_since, self._awaited = None, ''
+        self.reference.restart_timeout()
+        self._awaited = ''
         self._set_pacing(PACINGS[pacing])
-        if self._pending is None:
+        if self.states.pending is None:
             signals = self.controller.signals[0]
-            self._position[:] = signals['position'][:, 0]
-            self._velocity[:] = signals['velocity'][:, 0]
+            self.states.keep(signals['position'][:, 0], signals['velocity'][:, 0])
         # A law or a safe stop that ended after the last state in lock-step must not continue.
-        has_ended = self._was_computed or (self._stop.commands and self._stop_action() == VOID)
-        if self._order.last is not None and has_ended and not self.supervisor.is_active:
+        drive = self.drive
+        is_void = drive.is_void(is_guided=self.supervisor.is_guided)
+        has_ended = drive.source is Source.LAW or (drive.stop.commands and is_void)
+        if self.states.order.last is not None and has_ended and not self.supervisor.is_active:
             self._halt()
-        return self._take_more()
+        return self._outbox.take()
 
     def on_enable(self, now: float, *, enabled: bool) -> Actions:
         """Activate the law, or end it by the safe stop."""
@@ -421,7 +323,7 @@ class ControllerCore:
             return '' if self.supervisor.is_guided else 'hand guiding is not active'
         if self.controller.commands_rates:
             return 'hand guiding needs command_interface = effort or hybrid'
-        if self.supervisor.state == FAULT:
+        if self.supervisor.is_fault:
             return f'{self.supervisor.text}; call ~/clear_fault first'
         return self.enable_refusal(enabled=enabled)
 
@@ -466,16 +368,15 @@ class ControllerCore:
 
     def on_reset_adaptation(self) -> Actions:
         """Reset the adaptation; the next tick records it."""
-        self.controller.reset_adaptation()
-        self._queue_record(ADAPTATION_RESET)
+        self._apply_between(ADAPTATION_RESET)
         return NOTHING
 
     def on_shutdown(self) -> Actions:
         """Send a void command as the last action of a controller in real time."""
-        if not self.pacing.is_timed or self._order.last is None:
+        if not self.pacing.is_timed or self.states.order.last is None:
             return NOTHING
-        self._stop.release()
-        return (Halt(self._order.last),)
+        self.drive.stop.release()
+        return (Halt(self.states.order.last),)
 
     # Response to a state.
 
@@ -483,176 +384,120 @@ class ControllerCore:
         supervisor = self.supervisor
         if self._awaited and supervisor.is_active:
             return self._wait(stamp, position, velocity, self._awaited)
-        reference = self.windows.at(stamp)
+        reference = self.reference.at(stamp)
         if reference is not None:
-            self._held_since = None
-            if not supervisor.is_active and supervisor.recover(REFERENCE, is_restart=True):
-                self._publish_state()
+            if not supervisor.is_active and supervisor.recover(Cause.REFERENCE, is_restart=True):
+                self.drive.request_restart()
+                self._outbox.add_state(self.supervisor)
         elif supervisor.is_active:
             reference = self._held(stamp, now)
         else:
             # The timeout of a reference that has ended starts with an activation.
-            self._held_since = None
+            self.reference.restart_timeout()
         if supervisor.is_active:
             if reference is None:
                 return self._wait(stamp, position, velocity, 'the trajectory (reference)')
             error = None
             # Ordinary ticks skip the call.
-            is_ordinary = (
-                self._was_computed
-                and self._computed is not None
-                and self._activation == supervisor.activations
-            )
-            if is_ordinary or not self._unfolds(stamp, position, velocity):
+            if self.drive.is_running or not self._unfolds(stamp, position, velocity):
                 error = self._compute(stamp, position, velocity, reference, now)
             if error is not None:
-                return (*self._take_more(), Failure(error))
-        self._pending = None
-        if self._is_waiting:
-            self._is_waiting = False
-            self._more.append(Wait(None))
-        tick = round(stamp / self._period_ns)
+                return (*self._outbox.take(), Failure(error))
+        self.states.pending = None
+        outbox = self._outbox
         # Read again: the computation may have raised a fault.
-        if self._is_unfolding and supervisor.is_active:
-            self._stop_command.stamp = stamp
-            actions = self._stop_only
-        elif supervisor.is_active:
-            self._command.stamp = stamp
-            actions = self._command_only
-            if self._decimation and not tick % self._decimation:
-                self._telemetry.stamp = stamp
-                actions = self._command_and_telemetry
+        if supervisor.is_active:
+            answer = outbox.stop_command if self.drive.is_unfolding else outbox.command
         elif self._stop_torque(stamp, position, velocity):
-            self._stop_command.stamp = stamp
-            actions = self._stop_only
+            answer = outbox.stop_command
         else:
-            self._void.stamp = stamp
-            actions = self._void_only
-        if self._more or self._unpublished or tick >= self._last_tick:
-            return self._extended(actions, tick, stamp)
-        return actions
+            answer = outbox.void
+        return outbox.respond(answer, stamp, self.states.pending_order, self.pacing)
 
     def _respond_to_pending(self, now: float) -> Actions:
-        if self._pending is None:
+        if self.states.pending is None:
             return NOTHING
-        return self._respond(self._pending, self._position, self._velocity, now)
-
-    def _extended(self, actions: Actions, tick: int, stamp: int) -> Actions:
-        """Return a response with the actions before and after it."""
-        records = [Record(tick, stamp, *record) for record in self._unpublished]
-        self._unpublished.clear()
-        # The final state may arrive far ahead of the previous one if this process was late at
-        # the end of the run. No later state confirms it.
-        is_last = tick >= self._last_tick and (
-            stamp == self._last_stamp or self.pacing.is_near(self._pending_order)
-        )
-        end = (Finish(),) if is_last else NOTHING
-        return (*self._take_more(), *actions, *records, *end)
+        return self._respond(self.states.pending, self.states.position, self.states.velocity, now)
 
     def _held(self, stamp: int, now: float) -> Array | None:
         """Return the last position of a reference that ended; raise a fault after a time."""
-        if not self.pacing.holds(stamp, self._pending, self._computed):
+        if not self.pacing.holds(stamp, self.states.pending, self.drive.computed):
             return None
-        reference = self.windows.held_after(stamp)
-        if reference is not None:
-            if self._held_since is None:
-                self._held_since = now
-            timeout = self.pacing.reference_timeout(self._values)
-            if is_overdue(now, self._held_since, timeout):
-                self._fail(REFERENCE, f'{NO_REFERENCE} for {timeout:g} s')
+        reference = self.reference.held_after(stamp, now)
+        timeout = self.pacing.reference_timeout(self._values)
+        if reference is not None and self.reference.is_overdue(now, timeout):
+            self._fail(Cause.REFERENCE, f'{Cause.REFERENCE.value} for {timeout:g} s')
         return reference
 
     def _wait(self, stamp: int, position: Array, velocity: Array, reason: str) -> Actions:
         """Keep a state until its reference arrives, or the code of its law is ready."""
-        self._pending = stamp
-        if position is not self._position:
-            self._position[:], self._velocity[:] = position, velocity
-        self._is_waiting = True
-        self._more.append(Wait(reason))
+        self.states.pending = stamp
+        if position is not self.states.position:
+            self.states.keep(position, velocity)
+        self._outbox.add_wait(reason)
         # A robot that this controller has moved must not continue with its last torque.
-        if self.pacing.is_timed and self._has_moved and self._halted != stamp:
+        if self.pacing.is_timed and self.drive.has_moved and self._halted != stamp:
             self._halted = stamp
             self._halt()
-            self._approach.start()
-        return self._take_more()
+            self.drive.approach.start()
+        return self._outbox.take()
+
+    def _apply(self, event: str, stamp: int, position: Array, velocity: Array) -> None:
+        """Apply an event to the drive, and record it."""
+        self.drive.apply(event, stamp, position, velocity)
+        self._outbox.add_record(self._values, event)
+
+    def _apply_between(self, event: str) -> None:
+        """Apply an event between two states, and record it."""
+        states = self.states
+        self._apply(event, states.order.last or 0, states.position, states.velocity)
 
     def _unfolds(self, stamp: int, position: Array, velocity: Array) -> bool:
         """Leave a singular joint position before the law starts; return False if it is regular."""
-        if not self._is_unfolding:
-            if not (
-                self.pacing.approaches(was_off=self._was_computed is False)
-                and self._stop.is_singular(position, velocity)
-            ):
+        drive = self.drive
+        if drive.is_unfolding:
+            if drive.has_unfolded(stamp, position, velocity):
                 return False
-            self._is_unfolding, self._was_computed, self._action = True, False, UNFOLD
-            self._has_moved = True
-            self._unfolded_by = stamp + round(1e9 * UNFOLDING_TIME)
-            self._queue_record(UNFOLDED)
-            self._stop.start(UNFOLD, stamp, position, velocity)
-        elif not self._stop.is_singular(position, velocity) or stamp >= self._unfolded_by:
-            self._is_unfolding = False
+        elif drive.should_unfold(position, velocity):
+            self._apply(UNFOLDED, stamp, position, velocity)
+        else:
             return False
-        self._is_unfolding = self._stop.update(stamp, position, velocity)
-        return self._is_unfolding
+        return drive.unfold(stamp, position, velocity)
 
     def _compute(
         self, stamp: int, position: Array, velocity: Array, reference: Array, now: float
     ) -> UserError | None:
         """Compute the law, or raise a fault; return the error that ends the run instead."""
-        controller, approach, pacing = self.controller, self._approach, self.pacing
+        drive, controller, pacing = self.drive, self.controller, self.pacing
         commanded = controller.commanded.copy()
-        starts_away = self._computed is None and self._values['approach_on_start']
-        if self._activation != self.supervisor.activations:
-            self._activation = self.supervisor.activations
-            self._stop.hand_over()
-            self._watch.restart()
-            if starts_away or pacing.approaches(was_off=self._was_computed is False):
-                approach.start()
-            self._queue_record(ACTIVATED)
-        elif self._computed is None:
-            if starts_away or pacing.approaches(was_off=False):
-                approach.start()
-        elif not self._was_computed:
-            self._stop.end()
-            self._watch.restart()
-            self._watch.note_late(now)
-            if pacing.is_timed:
-                approach.start()
-            self._queue_record(RESUMED)
+        if not drive.is_running:
+            self._start_law(stamp, position, velocity, now)
         elif pacing.is_timed:
             self._skip_ticks(stamp, position, now)
-        self._was_computed, self._computed, self._halted = True, stamp, None
-        self._has_moved = True
-        self._is_stale = False
-        if pacing.is_timed:
-            approach.watch(stamp, reference)
-        if approach.is_on:
-            rates = controller.rates(velocity)
-            reference = approach.follow(stamp, position, rates, reference)
         if pacing.is_timed:
             # A controller that was late itself processes the states in its queue one by one.
-            lateness = self._lateness.add(stamp, now)
+            lateness = self.states.lateness.add(stamp, now)
             self._watch.note_age(lateness, now)
             if controller.is_compensated:
                 controller.set_lateness(lateness)
         try:
-            status = controller.answer(position, velocity, reference)
+            status = drive.compute(stamp, position, velocity, reference)
             if status & NOT_FINITE:
                 raise diverged(stamp * 1e-9)
         except Exception as error:
             # A plug-in law can raise anything. A run without an end belongs to a user who tunes
             # gains: no request may end it. The safe stop continues from the last torque sent.
             controller.commanded[:] = commanded
-            is_endless = self._last_tick == math.inf
+            is_endless = self._outbox.is_endless
             if not is_endless and pacing.ends_with(error) and isinstance(error, UserError):
                 self._error = error
                 return error
-            self._fail(LAW, ' '.join(str(error).split()), is_latched=True)
+            self._fail(Cause.LAW, ' '.join(str(error).split()), is_latched=True)
             return None
         if pacing.is_timed and self._values['runaway_detection']:
             alarm = self._watch.look(controller.rates(velocity), now)
             if alarm is not None:
-                cause = STATES if alarm.is_passing else RUNAWAY
+                cause = Cause.STATES if alarm.is_passing else Cause.RUNAWAY
                 self._fail(cause, alarm.reason, is_latched=not alarm.is_passing)
         is_singular = status & SINGULAR != 0
         if is_singular != self._was_singular:
@@ -661,67 +506,61 @@ class ControllerCore:
         # The error that has ended the run, if any.
         return self._error
 
+    def _start_law(self, stamp: int, position: Array, velocity: Array, now: float) -> None:
+        """Apply the event that precedes a tick of the law."""
+        self._halted = None
+        event = self.drive.law_event()
+        if event:
+            self._apply(event, stamp, position, velocity)
+            self._watch.restart()
+            if event == RESUMED:
+                self._watch.note_late(now)
+
     def _skip_ticks(self, stamp: int, position: Array, now: float) -> None:
         """Account for the periods during which the last torque was held."""
-        assert self._computed is not None
-        skipped = round((stamp - self._computed) / self._period_ns) - 1
-        if skipped > 0:
-            self.controller.skip(skipped)
+        skipped = self.drive.skip_to(stamp)
+        if skipped:
             self._watch.skip(skipped, now)
-            self.counts.skipped += skipped
-        line = self._layer.check(max(skipped, 0) + 1, position, now)
+            self.states.counts.skipped += skipped
+        line = self._layer.check(skipped + 1, position, now)
         if line is not None:
-            self._more.append(Line('warning', line))
+            self._outbox.add_line('warning', line)
 
     # Safe stop.
 
     def _stop_torque(self, stamp: int, position: Array, velocity: Array) -> bool:
         """Compute the torque of the safe stop for a state; False for a void command."""
-        action, self._is_unfolding = self._stop_action(), False
-        self._has_moved |= action == GUIDE
-        is_new = self._was_computed is not False or action != self._action
-        if is_new:
-            self._queue_record(GUIDED if action == GUIDE else DEACTIVATED)
-        if is_new or self._is_stale:
-            self._stop.start(action, stamp, position, velocity)
-        self._action, self._was_computed, self._is_stale = action, False, False
-        return self._stop.update(stamp, position, velocity)
-
-    def _stop_action(self) -> str:
-        if self.supervisor.is_guided:
-            return GUIDE
-        # A controller that has not moved the robot does not hold it either.
-        if not self._has_moved:
-            return VOID
-        action: str = self._values['fault_action']
-        return action
+        event = self.drive.stop_event(is_guided=self.supervisor.is_guided)
+        if event:
+            self._apply(event, stamp, position, velocity)
+        return self.drive.update_stop(stamp, position, velocity)
 
     def _halt(self) -> None:
         """Send a torque of the safe stop, or a void command, without a new state."""
-        stamp = self._order.last if self._pending is None else self._pending
+        stamp = self.states.stamp
         assert stamp is not None
-        commands = self._stop_torque(stamp, self._position, self._velocity)
-        self._more.append(HaltCommand(stamp) if commands else Halt(stamp))
+        commands = self._stop_torque(stamp, self.states.position, self.states.velocity)
+        self._outbox.add(HaltCommand(stamp) if commands else Halt(stamp))
 
     def _lose_states(self, now: float) -> Actions:
         """Command the last gravity torque for a short time, then send a void command."""
-        if self._pending is not None:
+        if self.states.pending is not None:
             actions = self._respond_to_pending(now)
-        elif self._order.last is None:
-            return self._take_more()
+        elif self.states.order.last is None:
+            return self._outbox.take()
         else:
-            stamp = self._order.last
-            if self._was_computed is not False:
-                self._queue_record(DEACTIVATED)
-            self._was_computed = False
-            action = VOID if self._stop_action() == VOID else BALANCE
-            self._stop.start(action, stamp, self._position, self._velocity)
-            commands = self._stop.update(stamp, self._position, self._velocity)
-            self._more.append(HaltCommand(stamp) if commands else Halt(stamp))
-            actions = self._take_more()
-        self._is_stale = True
-        if self._stop.commands:
-            self._void_due = now + BALANCE_TIME
+            stamp = self.states.order.last
+            if self.drive.is_active:
+                self._outbox.add_record(self._values, DEACTIVATED)
+            is_guided = self.supervisor.is_guided
+            commands = self.drive.balance(
+                stamp, self.states.position, self.states.velocity, is_guided=is_guided
+            )
+            self._outbox.add(HaltCommand(stamp) if commands else Halt(stamp))
+            actions = self._outbox.take()
+        self.drive.is_stale = True
+        if self.drive.stop.commands:
+            self.states.void_due = now + BALANCE_TIME
         return actions
 
     # Changes of mode.
@@ -729,121 +568,76 @@ class ControllerCore:
     def _enable(self, now: float) -> None:
         before = self.supervisor.activations
         self.supervisor.enable()
-        if self._watched < math.inf and self.supervisor.activations != before:
-            self._watched = now
+        if self.supervisor.activations != before:
+            self.drive.request_restart()
+            self.states.note_activation(now)
 
     def _release(self, now: float) -> Actions:
         """Send a void command, as a controller that has not moved the robot."""
-        self._computed, self._has_moved = None, False
-        self._queue_record(RELEASED)
+        self._apply_between(RELEASED)
         actions = self._after_change(now)
-        if self.pacing.is_timed and self._stop.commands:
+        if self.pacing.is_timed and self.drive.stop.commands:
             self._halt()
-        return (*actions, *self._take_more())
-
-    def _is_alive_when_repeated(self) -> bool:
-        """
-        Return True if a repeated state shows that the robot is alive.
-
-        A paused plant repeats its state. A robot driver that repeats it has stopped measuring.
-        """
-        return not self._is_confused and (self._has_plant or not self.pacing.is_timed)
+        return (*actions, *self._outbox.take())
 
     def _recover_states(self) -> None:
-        self._was_mixed = False
-        if self.supervisor.recover(STATES, is_restart=False):
-            self._publish_state()
+        self.states.was_mixed = False
+        if self.supervisor.recover(Cause.STATES, is_restart=False):
+            self._outbox.add_state(self.supervisor)
 
     def _lacks_states(self) -> bool:
         supervisor = self.supervisor
-        return self._is_stale or (supervisor.state == FAULT and supervisor.cause == STATES)
+        return self.drive.is_stale or supervisor.cause is Cause.STATES
 
     def _restart(self, order: Order, now: float) -> None:
         """Restart the law at the next computed tick."""
         if order is Order.BACK:
             text = 'time was set back; the controller restarts'
-            self._more.append(Line('info', text))
-            if not self.pacing.is_timed:
-                # In the restarted run, this controller has not yet moved the robot.
-                self._computed, self._has_moved = None, False
+            self._outbox.add_line('info', text)
         else:
-            self.counts.gaps += 1
-            if self._throttle.is_due('gap', now):
+            self.states.counts.gaps += 1
+            if self._outbox.throttle.is_due('gap', now):
                 text = 'states were missing for longer than state_timeout; the controller restarts'
-                self._more.append(Line('warning', text))
+                self._outbox.add_line('warning', text)
         self._watch.note_late(now)
-        self._lateness.restart()
-        if not self._stop.commands:
-            # The robot does not apply the last command any more.
-            self.controller.output_not_applied()
-        self._pending = None
-        self._activation = -1
-        self._was_computed = None
-        self._is_unfolding = False
+        self.states.lateness.restart()
+        # In the restarted run, this controller has not yet moved the robot.
+        is_new_run = order is Order.BACK and not self.pacing.is_timed
+        self.drive.restart(is_new_run=is_new_run)
+        self.states.pending = None
 
     def _after_change(self, now: float) -> Actions:
         """Return the actions after the supervisor may have changed between two states."""
-        was_active = self._published == ACTIVE
-        self._publish_state()
-        if self.supervisor.is_active or not (was_active or self._pending is not None):
-            return self._take_more()
-        if self._pending is not None:
+        was_active = self._outbox.was_active
+        self._outbox.add_state(self.supervisor)
+        if self.supervisor.is_active or not (was_active or self.states.pending is not None):
+            return self._outbox.take()
+        if self.states.pending is not None:
             return self._respond_to_pending(now)
-        if self.pacing.is_timed and self._order.last is not None:
+        if self.pacing.is_timed and self.states.order.last is not None:
             self._halt()
-        return self._take_more()
+        return self._outbox.take()
 
-    def _publish_state(self) -> None:
-        text = self.supervisor.text
-        if text != self._published:
-            is_fault = self.supervisor.state == FAULT
-            level = 'error' if is_fault else 'info' if self._published else ''
-            self._published = text
-            self._more.append(State(text, level, self.lifecycle))
-
-    def _fail(self, cause: str, reason: str, *, is_latched: bool = False) -> None:
+    def _fail(self, cause: Cause, reason: str, *, is_latched: bool = False) -> None:
         self.supervisor.fail(cause, reason, is_latched=is_latched)
-        self._publish_state()
-
-    def _queue_record(self, event: str = '', changed: tuple[str, ...] = ()) -> None:
-        """Queue a record, to be published with the next response."""
-        self._unpublished.append((dict(self._values), changed, event))
-
-    def _take_more(self) -> Actions:
-        more = tuple(self._more)
-        self._more.clear()
-        return more
+        self._outbox.add_state(self.supervisor)
 
     def _set_pacing(self, pacing: Pacing) -> None:
-        self.pacing = pacing
-        self._order.gap_ns = pacing.gap_ns(self._values)
-        self._state_timeout = pacing.state_timeout(self._values)
-
-    def _check_reach(self, samples: Array) -> None:
-        """Raise InputError for a position that the mechanism cannot reach."""
-        mechanism, axes = self.controller.mechanism, len(self.controller.mechanism.axes)
-        if samples.shape[1] < axes or not np.isfinite(samples).all():
-            return
-        unreachable = mechanism.formulas.out_of_reach(
-            self.controller.robot.geometry, np.ascontiguousarray(samples[:, :axes])
-        )
-        if unreachable is not None:
-            sample, reason = unreachable
-            raise InputError(f'reference: sample {sample} cannot be reached: {reason}')
+        self.pacing, self.drive.is_timed = pacing, pacing.is_timed
+        self.states.order.gap_ns = pacing.gap_ns(self._values)
+        self.states.timeout = pacing.state_timeout(self._values)
 
     def _log_singularity(self, stamp: int, position: Array, *, is_singular: bool) -> None:
         mechanism, at = self.controller.mechanism, f'at t = {stamp * 1e-9:.3f} s'
         if not is_singular:
             text = f'{at} {mechanism.lost} has left the singularity or the end of a range'
-            self._more.append(Line('info', text))
+            self._outbox.add_line('info', text)
             return
         at_end = mechanism.at_range_ends(position[None, -len(mechanism.joints):])[0]
-        self._more.append(
-            Line(
-                'warning',
-                f'{at} {mechanism.range_ends_text(at_end)}; motion for the task stops there'
-                if at_end.any()
-                else f'{at} {mechanism.lost} is close to singular ({mechanism.singular}); motion'
-                ' along the lost direction is damped',
-            )
+        self._outbox.add_line(
+            'warning',
+            f'{at} {mechanism.range_ends_text(at_end)}; motion for the task stops there'
+            if at_end.any()
+            else f'{at} {mechanism.lost} is close to singular ({mechanism.singular}); motion'
+            ' along the lost direction is damped',
         )

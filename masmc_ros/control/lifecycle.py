@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from masmc_ros.control.supervisor import FAULT, Supervisor
+from masmc_ros.control.supervisor import Supervisor
 
 
 class LifecycleState(NamedTuple):
@@ -61,7 +61,7 @@ def state_of(supervisor: Supervisor) -> LifecycleState:
         return FINALIZED
     if not supervisor.is_configured:
         return UNCONFIGURED
-    is_passing = supervisor.state == FAULT and not supervisor.is_latched
+    is_passing = supervisor.is_fault and not supervisor.is_latched
     return ACTIVE if supervisor.is_active or is_passing else INACTIVE
 
 

@@ -23,8 +23,8 @@ class Pacing(Protocol):
         Value of the parameter `pacing`.
     is_timed
         True if robot and reference move on without a command. An inactive controller then acts
-        at once, skipped ticks count, a reference that steps is approached, and a run-away is
-        detected.
+        at once, skipped ticks count, each start and a reference that steps are approached, and a
+        run-away is detected.
 
     """
 
@@ -45,9 +45,6 @@ class Pacing(Protocol):
 
     def holds(self, stamp: int, pending: int | None, computed: int | None) -> bool:
         """Return True if the last position is held at a stamp that no reference covers."""
-
-    def approaches(self, *, was_off: bool) -> bool:
-        """Return True if a start approaches the reference; `was_off`: no law was active."""
 
     def ends_with(self, error: Exception) -> bool:
         """Return True if an error of the law ends a run of limited duration."""
@@ -79,10 +76,6 @@ class LockStep:
         """Return True for a newer state while one is pending: this plant does not wait."""
         return computed is not None and pending is not None and pending != stamp
 
-    def approaches(self, *, was_off: bool) -> bool:
-        """Return True after a stop; a run otherwise starts on its reference as configured."""
-        return was_off
-
     def ends_with(self, error: Exception) -> bool:
         """Return True, so a UserError of the law ends the run; raise any other error."""
         if not isinstance(error, UserError):
@@ -113,10 +106,6 @@ class RealTime:
         return order is not Order.AHEAD
 
     def holds(self, stamp: int, pending: int | None, computed: int | None) -> bool:
-        """Return True."""
-        return True
-
-    def approaches(self, *, was_off: bool) -> bool:
         """Return True."""
         return True
 

@@ -5,28 +5,46 @@
 
 from __future__ import annotations
 
+from enum import Enum
+
 from masmc_ros.loop.fault_rules import recovers, takes_fault
 
-INACTIVE = 'inactive'
-ACTIVE = 'active'
-FAULT = 'fault'
 
-_GUIDED = 'hand guiding'
-_NEW = 'not enabled yet'
-_UNCONFIGURED = 'not configured'
-_SHUT_DOWN = 'shut down'
+class Mode(Enum):
+    """State of the controller; the value is its text on `controller/state`."""
 
-NO_REFERENCE = 'no reference'
-"""Start of the reason of a fault because the reference ended."""
+    NOT_ENABLED = 'inactive: not enabled yet'
+    DISABLED = 'inactive: disabled'
+    GUIDED = 'inactive: hand guiding'
+    CLEARED = 'inactive: a fault was cleared'
+    UNCONFIGURED = 'inactive: not configured'
+    SHUT_DOWN = 'inactive: shut down'
+    ACTIVE = 'active'
+    FAULT = 'fault'
+    """The reason follows in the text."""
+
+
+class Cause(Enum):
+    """Cause of a fault."""
+
+    STATES = 'states'
+    REFERENCE = 'no reference'
+    """The value is the start of the reason, by which other nodes recognise this fault."""
+    LAW = 'law'
+    RUNAWAY = 'run-away'
+    STOP = 'emergency stop'
+
+
+_WITHOUT_REFERENCE = f'{Mode.FAULT.value}: {Cause.REFERENCE.value}'
 
 
 def would_follow(text: str) -> bool:
     """
-    Return True if a controller in the state of this text follows a new reference.
+    Return True if a controller with this text on `controller/state` follows a new reference.
 
     A controller in the fault of a missing reference becomes active when one arrives.
     """
-    return text == ACTIVE or text.startswith(f'{FAULT}: {NO_REFERENCE}')
+    return text == Mode.ACTIVE.value or text.startswith(_WITHOUT_REFERENCE)
 
 
 class Supervisor:
@@ -39,16 +57,14 @@ class Supervisor:
 
     Attributes
     ----------
-    state
-        `inactive`, `active` or `fault`.
+    mode
+        State of the controller.
     is_active
         True if the law is computed.
-    is_guided
-        True if the arm is guided by hand, which is a kind of `inactive`.
     reason
-        Reason of an inactive state or a fault, in one line; empty if active.
+        Reason of a fault in one line, for display only; empty without one.
     cause
-        Kind of the fault, empty without one.
+        Cause of the fault; None without one.
     is_latched
         True if the fault stays until it is cleared.
     activations
@@ -59,71 +75,76 @@ class Supervisor:
     def __init__(self, *, active: bool) -> None:
         """Initialise as active, or as inactive until it is enabled."""
         self.activations = 0
-        self._enter(INACTIVE, _NEW)
+        self._enter(Mode.NOT_ENABLED)
         if active:
             self.enable()
 
     @property
     def text(self) -> str:
         """Return the state and, if it is not active, the reason: `fault: emergency stop`."""
-        return f'{self.state}: {self.reason}' if self.reason else self.state
+        return f'{self.mode.value}: {self.reason}' if self.reason else self.mode.value
+
+    @property
+    def is_fault(self) -> bool:
+        """Return True in a fault."""
+        return self.mode is Mode.FAULT
 
     def enable(self) -> None:
         """Change to active from any configured state; clear every fault."""
-        if self.state != ACTIVE and self.is_configured:
-            self._enter(ACTIVE)
+        if not self.is_active and self.is_configured:
+            self._enter(Mode.ACTIVE)
             self.activations += 1
 
     def disable(self) -> None:
         """Change to inactive from any configured state; clear every fault."""
         if self.is_configured:
-            self._enter(INACTIVE, 'disabled')
+            self._enter(Mode.DISABLED)
 
     def configure(self) -> None:
         """Change from unconfigured to inactive."""
         if not (self.is_configured or self.is_shut_down):
-            self._enter(INACTIVE, _NEW)
+            self._enter(Mode.NOT_ENABLED)
 
     def clean_up(self) -> None:
         """Change to unconfigured from any configured state; clear every fault."""
         if self.is_configured:
-            self._enter(INACTIVE, _UNCONFIGURED)
+            self._enter(Mode.UNCONFIGURED)
 
     def shut_down(self) -> None:
         """Change to the final state, which no event ends."""
-        self._enter(INACTIVE, _SHUT_DOWN)
+        self._enter(Mode.SHUT_DOWN)
 
     @property
     def is_configured(self) -> bool:
         """Return False if neither activation nor fault is possible."""
-        return self.state != INACTIVE or self.reason not in (_UNCONFIGURED, _SHUT_DOWN)
+        return self.mode not in (Mode.UNCONFIGURED, Mode.SHUT_DOWN)
 
     @property
     def is_shut_down(self) -> bool:
         """Return True in the final state."""
-        return self.state == INACTIVE and self.reason == _SHUT_DOWN
+        return self.mode is Mode.SHUT_DOWN
 
     def guide(self) -> None:
         """Change to hand guiding; the caller has checked that this is possible."""
-        self._enter(INACTIVE, _GUIDED)
+        self._enter(Mode.GUIDED)
 
     @property
     def is_guided(self) -> bool:
         """Return True if the arm is guided by hand."""
-        return self.state == INACTIVE and self.reason == _GUIDED
+        return self.mode is Mode.GUIDED
 
     def stop(self) -> None:
         """Change to the latched fault of an emergency stop, from any configured state."""
-        self.fail('emergency stop', 'emergency stop', is_latched=True)
+        self.fail(Cause.STOP, Cause.STOP.value, is_latched=True)
 
     def clear(self) -> bool:
         """Change from a fault to inactive; return False if there is no fault."""
-        if self.state != FAULT:
+        if not self.is_fault:
             return False
-        self._enter(INACTIVE, 'a fault was cleared')
+        self._enter(Mode.CLEARED)
         return True
 
-    def fail(self, cause: str, reason: str, *, is_latched: bool = False) -> bool:
+    def fail(self, cause: Cause, reason: str, *, is_latched: bool = False) -> bool:
         """
         Change to a fault if it has an effect in the present state; return True then.
 
@@ -133,35 +154,40 @@ class Supervisor:
         Parameters
         ----------
         cause
-            Kind of the fault.
+            Cause of the fault.
         reason
             Reason in one line.
         is_latched
             True if the fault stays until it is cleared.
 
         """
-        is_latched_fault = self.state == FAULT and self.is_latched
+        is_latched_fault = self.is_fault and self.is_latched
         has_effect = self.is_configured and takes_fault(
             self.is_active, is_latched_fault, is_latched
         )
         if has_effect:
-            self._enter(FAULT, reason, cause, is_latched=is_latched)
+            self._enter(Mode.FAULT, reason, cause, is_latched=is_latched)
         return has_effect
 
-    def recover(self, cause: str, *, is_restart: bool) -> bool:
+    def recover(self, cause: Cause, *, is_restart: bool) -> bool:
         """
         Change to active after a passing fault of this cause; return True then.
 
         `is_restart`: True for an activation, False to continue after the interruption.
         """
-        if not recovers(self.state == FAULT, self.is_latched, self.cause == cause):
+        if not recovers(self.is_fault, self.is_latched, self.cause is cause):
             return False
-        self._enter(ACTIVE)
+        self._enter(Mode.ACTIVE)
         self.activations += is_restart
         return True
 
     def _enter(
-        self, state: str, reason: str = '', cause: str = '', *, is_latched: bool = False
+        self,
+        mode: Mode,
+        reason: str = '',
+        cause: Cause | None = None,
+        *,
+        is_latched: bool = False,
     ) -> None:
-        self.state, self.reason, self.cause, self.is_latched = state, reason, cause, is_latched
-        self.is_active = state == ACTIVE
+        self.mode, self.reason, self.cause, self.is_latched = mode, reason, cause, is_latched
+        self.is_active = mode is Mode.ACTIVE

@@ -60,6 +60,11 @@ class Controller:
         Task error (axes) in m and sliding surface (axes) in m/s.
     used_estimate
         theta_hat (parameters) in the torque.
+    memory
+        Record (1) of the values between ticks.
+    commanded
+        Torque (joints) of the last command in N·m, a view of `memory`. The torque rate limit, the
+        velocity estimator and laws in plain Python use it.
     velocity_command
         Commanded velocities (joints) with `command_interface` velocity and hybrid: of the base,
         then the rates of the joints that do not move it.
@@ -107,7 +112,7 @@ class Controller:
         self.is_compensated = records.is_compensated(values)
         self.keeps_joint_limits = records.is_limited(values, self.mechanism)
         self._stamp_age = 0.0
-        self.memory = self._new_memory()
+        self._use_memory(self._new_memory())
         self._choose(values)
         self.estimate[:] = self.nominal
         self._apply(values)
@@ -117,16 +122,6 @@ class Controller:
         """Return theta_hat (parameters) of the next tick."""
         estimate: Array = self.memory['estimate'][0, :, 0]
         return estimate
-
-    @property
-    def commanded(self) -> Array:
-        """
-        Return the torque (joints) of the last command in N·m.
-
-        The torque rate limit, the velocity estimator and laws in plain Python use it.
-        """
-        commanded: Array = self.memory['commanded'][0, :, 0]
-        return commanded
 
     @property
     def has_limits(self) -> bool:
@@ -190,7 +185,8 @@ class Controller:
         """Reset the adaptation: set theta_hat to nominal and re-initialise the law's memory."""
         fields = (*velocity_estimator.MEMORY, *(LIMIT_MEMORY if self.keeps_joint_limits else ()))
         kept = ('velocity_command', *(field.name for field in fields))
-        before, self.memory = self.memory, self._new_memory()
+        before = self.memory
+        self._use_memory(self._new_memory())
         for name in kept:
             self.memory[name] = before[name]
         self.estimate[:] = self.nominal
@@ -348,13 +344,18 @@ class Controller:
         self._of_tick_before = records.of_tick_before(
             law, compensated=compensated, limited=self.keeps_joint_limits
         )
-        self.settings, self._read, self.memory = settings, read, memory
+        self.settings, self._read = settings, read
+        self._use_memory(memory)
 
     def _carry(self, nominal: Array) -> None:
         """Replace the nominal model (parameters), and change theta_hat as much."""
         self.estimate[:] += nominal - self.nominal
         self.nominal = nominal
         fill(self.settings, 'nominal', nominal)
+
+    def _use_memory(self, memory: Records) -> None:
+        self.memory = memory
+        self.commanded: Array = memory['commanded'][0, :, 0]
 
     def _new_memory(self) -> Records:
         return records.law_memory(

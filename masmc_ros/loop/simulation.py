@@ -14,16 +14,7 @@ from masmc_ros.jit.record import uninitialised
 from masmc_ros.law.command_interface import check_agreement
 from masmc_ros.loop.closed_loop import closed_loop, plant_step_of
 from masmc_ros.loop.controller import Controller
-from masmc_ros.loop.controller_events import (
-    ACTIVATED,
-    ADAPTATION_RESET,
-    DEACTIVATED,
-    GUIDED,
-    RELEASED,
-    RESUMED,
-    UNFOLDED,
-)
-from masmc_ros.loop.safe_stop import GUIDE, SafeStop, UNFOLD, VOID
+from masmc_ros.loop.drive import Drive
 from masmc_ros.loop.signals import OF_PLANT
 from masmc_ros.loop.simulated_robot import diverged, plant_of
 from masmc_ros.loop.tick_block import Change, TickBlock
@@ -41,6 +32,8 @@ BLOCK = 20_000
 
 class Simulation:
     """Closed loop of one robot, trajectory and controller."""
+
+    _is_timed = False
 
     def __init__(
         self,
@@ -70,15 +63,13 @@ class Simulation:
         self._start, self._start_plant = control, plant
         self._plant_values = plant
         self._changes = tuple(changes)
-        self._is_active = self._has_moved = True
-        self._approach: Approach | None = None
         check_agreement(plant, control)
         self.timing = Timing.from_values(plant)
         self.plant = plant_of(plant, self.timing.period)
         self.controller = Controller(robot_of(control), self.timing.period, control)
         # The stamp of a simulated state is that of the tick at which it appears.
         self.controller.set_stamp_age(self.plant.delay)
-        self._stop = SafeStop(self.controller)
+        self._drive = self._new_drive()
         self.trajectory = samples or Trajectory(
             values['trajectory'], self.timing.period, robot_of(values['trajectory'])
         )
@@ -96,11 +87,7 @@ class Simulation:
         self.plant.change(self._plant_values)
         self.controller.change(self._start)
         self.controller.reset()
-        self._stop.release()
-        self._is_active, self._has_moved = self._start['active_on_start'], False
-        self._approach = None
-        if self._start['approach_on_start'] and self._is_active:
-            self._start_approach()
+        self._drive = self._new_drive()
         ticks = self.timing.last + 1
         for first in range(0, ticks, block):
             count = min(block, ticks - first)
@@ -126,18 +113,14 @@ class Simulation:
                 if change.tick == start:
                     self._make(change)
             rows = slice(start - first, stop - first)
-            self._has_moved |= self._is_active
+            is_active = self._drive.is_active
             compiles = self.plant.is_compiled and self.controller.is_compiled
-            advance = self._compiled if compiles and self._is_active else self._interpreted
-            desired = reference[rows]
-            followed = self._followed(start, desired)
+            advance = self._compiled if compiles and is_active else self._interpreted
             is_finite &= advance(
-                start, followed, signals[rows], contact[rows], final=final and stop == end
+                start, reference[rows], signals[rows], contact[rows], final=final and stop == end
             )
-            if followed is not desired or not self._is_active:
-                signals['reference'][rows, :, 0] = desired
-            active[rows] = self._is_active
-            is_void[rows] = not (self._is_active or self._stop.commands)
+            active[rows] = is_active
+            is_void[rows] = not (is_active or self._drive.stop.commands)
         rates = self.controller.commands_rates
         tick_block = TickBlock(first, signals, active, is_void, rates, contact, changes)
         if not is_finite:
@@ -151,39 +134,24 @@ class Simulation:
             return
         if change.values:
             self.controller.change(change.values)
-            self._stop.change()
-        if change.event == ACTIVATED:
-            if not self._is_active:
-                self._start_approach()
-            self._stop.hand_over()
-        elif change.event == ADAPTATION_RESET:
-            self.controller.reset_adaptation()
-        elif change.event == RESUMED:
-            self._stop.end()
-        elif change.event == RELEASED:
-            self._has_moved = False
-        elif change.event in (DEACTIVATED, GUIDED, UNFOLDED):
-            action = GUIDE if change.event == GUIDED else UNFOLD
-            if change.event == DEACTIVATED:
-                action = self.controller.values['fault_action'] if self._has_moved else VOID
-            plant, stamp = self.plant, self.timing.stamp(change.tick)
-            self._stop.start(action, stamp, plant.position, plant.velocity)
-            self._has_moved |= change.event != DEACTIVATED
-        if change.event in (ACTIVATED, RESUMED, DEACTIVATED, GUIDED, UNFOLDED):
-            self._is_active = change.event in (ACTIVATED, RESUMED)
+            self._drive.stop.change()
+        if change.event:
+            stamp = self.timing.stamp(change.tick)
+            self._drive.apply(change.event, stamp, self.plant.position, self.plant.velocity)
 
-    def _start_approach(self) -> None:
-        self._approach = Approach(self.controller.robot, self._start['approach_speed'])
-        self._approach.start()
+    def _new_drive(self) -> Drive:
+        approach = Approach(self.controller.robot, self._start['approach_speed'])
+        is_active = self._start['active_on_start']
+        return Drive(self.controller, approach, is_active=is_active, is_timed=self._is_timed)
 
     def _followed(self, first: int, reference: Array) -> Array:
         """
-        Return the reference that the controller follows (n, 12) from tick `first`.
+        Return the reference (n, 3 axes) that the law follows from tick `first`.
 
-        After an activation it starts at the robot position and leads to `reference`.
+        An approach starts at the robot position and leads to `reference`.
         """
-        approach = self._approach
-        if approach is None or not (self._is_active and approach.is_on):
+        approach = self._drive.approach
+        if not approach.is_on:
             return reference
         followed = reference.copy()
         rates = self.controller.rates(self.plant.velocity)
@@ -203,10 +171,12 @@ class Simulation:
             raise diverged(self.timing.time(tick))
 
     def _compiled(
-        self, first: int, followed: Array, signals: Records, _: Array, *, final: bool
+        self, first: int, reference: Array, signals: Records, _: Array, *, final: bool
     ) -> bool:
         """Compute ticks in one call; return True if all commands and positions are finite."""
         plant, controller = self.plant, self.controller
+        self._drive.start_tick(self.timing.stamp(first + len(reference) - 1))
+        followed = self._followed(first, reference)
         is_finite: bool = closed_loop(
             plant_step_of(plant.settings, plant.memory, plant.delayed, plant.signals),
             plant.settings,
@@ -221,31 +191,42 @@ class Simulation:
             signals,
         )
         plant.tick = first + len(followed)
+        if followed is not reference:
+            signals['reference'][:, :, 0] = reference
         return is_finite
 
     def _interpreted(
-        self, first: int, followed: Array, signals: Records, contact: Array, *, final: bool
+        self, first: int, reference: Array, signals: Records, contact: Array, *, final: bool
     ) -> bool:
         """Compute tick by tick, as the nodes do; return False, because nothing was checked."""
-        plant, controller, is_active = self.plant, self.controller, self._is_active
-        nothing = np.zeros((), signals.dtype)
+        plant = self.plant
         for k, row in enumerate(signals):
-            if is_active:
-                controller.tick(plant.position, plant.velocity, followed[k])
-                signals[k] = controller.signals[0]
-            else:
-                signals[k] = nothing
-                stamp = self.timing.stamp(first + k)
-                if self._stop.update(stamp, plant.position, plant.velocity):
-                    row['torque'][:, 0] = controller.torque
-                row['estimate'][:, 0] = controller.estimate
-                row['error'], row['surface'] = np.nan, np.nan
+            command = self._respond(first + k, reference[k], signals[k:k + 1])
+            row['reference'][:, 0] = reference[k]
             for name in OF_PLANT:
                 row[name] = plant.signals[0][name]
             contact[k] = plant.contact
             if not (final and k == len(signals) - 1):
-                command = None
-                if is_active or self._stop.commands:
-                    command = np.where(plant.by_velocity, row['rates'][:, 0], row['torque'][:, 0])
                 plant.advance(command)
         return False
+
+    def _respond(self, tick: int, reference: Array, signals: Records) -> Array | None:
+        """Compute the signals of a tick, write them into a record (1), and return the command."""
+        plant, controller, drive = self.plant, self.controller, self._drive
+        state = self.timing.stamp(tick), plant.position, plant.velocity
+        if drive.is_active:
+            drive.skip_to(state[0])
+            drive.compute(*state, reference)
+            signals[0] = controller.signals[0]
+        else:
+            signals[0] = np.zeros((), signals.dtype)
+            commands = drive.update_stop(*state)
+            if commands:
+                signals['torque'][0, :, 0] = controller.torque
+            signals['estimate'][0, :, 0] = controller.estimate
+            signals['error'], signals['surface'] = np.nan, np.nan
+            if not commands:
+                return None
+        rates, torques = signals['rates'][0, :, 0], signals['torque'][0, :, 0]
+        command: Array = np.where(plant.by_velocity, rates, torques)
+        return command

@@ -16,7 +16,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from masmc_ros.aliases import Array, Flags, Integers, Records
-from masmc_ros.loop.controller_events import RESUMED
 from masmc_ros.loop.signals import OF_PLANT
 from masmc_ros.loop.simulation import BLOCK, Simulation
 from masmc_ros.loop.tick_block import Change, TickBlock
@@ -37,6 +36,8 @@ class Responses(NamedTuple):
 class TimedSimulation(Simulation):
     """Closed loop whose controller responds to some states only, tick by tick."""
 
+    _is_timed = True
+
     def __init__(
         self,
         values: Mapping[str, Values],
@@ -55,42 +56,36 @@ class TimedSimulation(Simulation):
             Responses of the controller.
 
         """
-        control = {**values['controller'], 'approach_on_start': True}
-        super().__init__({**values, 'controller': control}, changes, samples)
+        super().__init__(values, changes, samples)
         self._responses = responses
-        self._last: int | None = None
         self._sent: list[Array | None] = []
+        # Signals of the tick before a block.
+        self._held: Array = np.zeros((), self.plant.signals.dtype)
 
     def run(self, block: int = BLOCK) -> Iterator[TickBlock]:
         """Yield the run as `Simulation.run` does."""
-        self._last, self._sent = None, []
+        self._sent, self._held = [], np.zeros((), self.plant.signals.dtype)
         return super().run(block)
 
-    def _make(self, change: Change) -> None:
-        super()._make(change)
-        if change.event == RESUMED:
-            self._start_approach()
-
-    def _followed(self, first: int, reference: Array) -> Array:
-        return reference
-
     def _compiled(
-        self, first: int, followed: Array, signals: Records, contact: Array, *, final: bool
+        self, first: int, reference: Array, signals: Records, contact: Array, *, final: bool
     ) -> bool:
-        return self._interpreted(first, followed, signals, contact, final=final)
+        return self._interpreted(first, reference, signals, contact, final=final)
 
     def _interpreted(
-        self, first: int, followed: Array, signals: Records, contact: Array, *, final: bool
+        self, first: int, reference: Array, signals: Records, contact: Array, *, final: bool
     ) -> bool:
         plant = self.plant
         for k, row in enumerate(signals):
             tick = first + k
             command = None
             if self._responses.computed[tick]:
-                command = self._respond(tick, followed[k], signals[k:k + 1])
-            elif k:
+                command = self._respond(tick, reference[k], signals[k:k + 1])
+            else:
                 # The torque and the results of the last computed state are held.
-                signals[k] = signals[k - 1]
+                signals[k] = self._held if k == 0 else signals[k - 1]
+            if not self._drive.is_active:
+                row['reference'][:, 0] = reference[k]
             self._sent.append(command)
             for name in OF_PLANT:
                 row[name] = plant.signals[0][name]
@@ -98,33 +93,5 @@ class TimedSimulation(Simulation):
             if not (final and k == len(signals) - 1):
                 acting = self._responses.acting[tick]
                 plant.advance(self._sent[acting] if acting >= 0 else None)
+        self._held = signals[-1].copy()
         return False
-
-    def _respond(self, tick: int, reference: Array, signals: Records) -> Array | None:
-        """Compute the signals of a tick, write them into a record (1), and return the command."""
-        plant, controller, stamp = self.plant, self.controller, self.timing.stamp(tick)
-        if not self._is_active:
-            self._last = None
-            signals[0] = np.zeros((), signals.dtype)
-            commands = self._stop.update(stamp, plant.position, plant.velocity)
-            if commands:
-                signals['torque'][0, :, 0] = controller.torque
-            signals['estimate'][0, :, 0] = controller.estimate
-            signals['error'], signals['surface'] = np.nan, np.nan
-        else:
-            if self._last is not None and tick > self._last + 1:
-                controller.skip(tick - self._last - 1)
-            self._last, commands = tick, True
-            approach = self._approach
-            assert approach is not None
-            approach.watch(stamp, reference)
-            if approach.is_on:
-                rates = controller.rates(plant.velocity)
-                reference = approach.follow(stamp, plant.position, rates, reference)
-            controller.tick(plant.position, plant.velocity, reference)
-            signals[0] = controller.signals[0]
-        if not commands:
-            return None
-        rates, torques = signals['rates'][0, :, 0], signals['torque'][0, :, 0]
-        command: Array = np.where(plant.by_velocity, rates, torques)
-        return command

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 from helpers.core_loop import CoreLoop, node_values
-from masmc_ros.control.controller_core import SECOND_LOOK
+from masmc_ros.control.state_gate import SECOND_LOOK
 from masmc_ros.jit.compiled import interpreted
 from masmc_ros.jit.record import fill
 from masmc_ros.loop import supervision
@@ -108,7 +108,7 @@ def test_supervision_commands_as_controller_core(control: dict[str, Any]) -> Non
         stamp = now if has_state else stamp
         statuses |= supervised.tick(
             stamp, now, position, velocity, loop.trajectory.sample(tick, 1)[0],
-            has_reference=loop.core.windows.at(now) is not None,
+            has_reference=loop.core.reference.windows.at(now) is not None,
         )  # fmt: skip
         expected = np.full(4, np.nan) if loop.torque is None else loop.torque
         assert supervised.torque.tobytes() == expected.tobytes(), (tick, loop.state)

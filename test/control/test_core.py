@@ -110,12 +110,12 @@ class Core(RuleBasedStateMachine):
                 self.torque, self.sent = torque, (kind.__name__, action.stamp)
                 if kind is HaltCommand:
                     assert self.core.pacing.is_timed
-                    assert action.stamp == self.core._order.last
+                    assert action.stamp == self.core.states.order.last
             elif kind in (Void, Halt):
                 self.torque, self.sent = np.zeros(4), ('Void', action.stamp)
                 if kind is Halt:
                     assert self.core.pacing.is_timed
-                    assert action.stamp == self.core._order.last
+                    assert action.stamp == self.core.states.order.last
             elif kind is Repeat:
                 assert self.sent is not None
                 assert len(actions) == 1
@@ -135,13 +135,13 @@ class Core(RuleBasedStateMachine):
             assert answers[0].stamp == (self.waiting if state is None else state)
             self.waiting = None
         elif state is not None and not self.is_over:
-            assert self.core._pending == state
+            assert self.core.states.pending == state
             if moves and state != self.waiting:
                 # The last torque does not stay active while a state waits.
                 assert {Halt, HaltCommand} & {type(action) for action in actions}
             self.waiting = state
         # Without the law, no state waits for a reference.
-        assert self.waiting == self.core._pending or self.is_over
+        assert self.waiting == self.core.states.pending or self.is_over
         assert self.is_over or self.core.supervisor.is_active or self.waiting is None
         assert self.text == self.core.supervisor.text
         assert self.lifecycle == self.core.lifecycle
@@ -165,16 +165,16 @@ class Core(RuleBasedStateMachine):
         stamp = max(0, self.stamp + steps * NS)
         self.position[5:] += moved
         velocity = np.zeros(7)
-        order = self.core._order
-        last, pending = order.last, self.core._pending
-        late, gaps = self.core.counts.late, self.core.counts.gaps
-        is_stopped = self.core._stop.commands
+        order = self.core.states.order
+        last, pending = order.last, self.core.states.pending
+        late, gaps = self.core.states.counts.late, self.core.states.counts.gaps
+        is_stopped = self.core.drive.stop.commands
         actions = self.core.on_state(stamp, self.position, velocity, self.now)
-        if self.core.counts.late > late:
+        if self.core.states.counts.late > late:
             assert actions == ()
             return
         is_back = any(type(a) is Line and 'time was set back' in a.text for a in actions)
-        if (is_back or self.core.counts.gaps > gaps) and not is_stopped:
+        if (is_back or self.core.states.counts.gaps > gaps) and not is_stopped:
             # After a jump of time the robot does not apply the law's last torque.
             self.torque = np.zeros(4)
         if stamp == last and pending is None and [type(a) for a in actions] == [Repeat]:
@@ -292,9 +292,9 @@ class Core(RuleBasedStateMachine):
     def states_that_repeat_and_are_late(self) -> None:
         """Send stamps 48, 47, 48, 47, ...: after the timeout only void commands are active."""
         # No stamp is older than zero.
-        if not self.core.pacing.is_timed or self.sent is None or not self.core._order.last:
+        if not self.core.pacing.is_timed or self.sent is None or not self.core.states.order.last:
             return
-        self.stamp = self.core._order.last or 0
+        self.stamp = self.core.states.order.last or 0
         for step in range(40):
             self.send(-1 if step % 2 else 0, 0.0, 0.02)
             if self.core.deadline <= self.now:

@@ -105,11 +105,11 @@ def test_core_stop_with_pending_last_state_ends_run() -> None:
     last = loop.timing.stamp(20)
     core = loop.core
     # The windows so far cover the whole run; without them the last state has to wait.
-    core.windows._windows.clear()
-    core.windows._recent = None
+    core.reference.windows._windows.clear()
+    core.reference.windows._recent = None
     loop.tick = 20
     assert Finish not in kinds(send(loop, last, 0.2))
-    assert core._pending == last
+    assert core.states.pending == last
     actions = core.on_stop(0.21)
     assert kinds(actions)[-1] is Finish
 
@@ -166,10 +166,10 @@ def test_core_change_to_real_time_after_released_hand_guiding_halts() -> None:
     loop.run(0.5)
     loop.perform(loop.core.on_guide(loop.now, enabled=True))
     loop.run(0.1)
-    assert loop.core._stop.commands
+    assert loop.core.drive.stop.commands
     assert not {Halt, HaltCommand} & set(kinds(loop.core.on_transition(0, 'cleanup', loop.now)))
     assert Halt in kinds(loop.core.on_plant('realtime'))
-    assert not loop.core._stop.commands
+    assert not loop.core.drive.stop.commands
 
 
 def test_core_shutdown_halts() -> None:
@@ -242,7 +242,7 @@ def unfolding() -> CoreLoop:
     loop.run(0.2)
     loop.perform(loop.core.on_enable(loop.now, enabled=True))
     loop.run(0.1)
-    assert loop.core._is_unfolding
+    assert loop.core.drive.is_unfolding
     return loop
 
 
@@ -268,8 +268,8 @@ def test_core_end_of_hand_guiding_without_reference_stops_robot() -> None:
 
 def test_core_reference_lost_while_unfolding_stops_robot() -> None:
     loop = unfolding()
-    loop.core.windows._windows.clear()
-    loop.core.windows._recent = None
+    loop.core.reference.windows._windows.clear()
+    loop.core.reference.windows._recent = None
     comes_to_rest(loop, has_reference=False)
 
 

@@ -56,7 +56,7 @@ def test_enable_after_pause_reaches_reference(pause: float) -> None:
     loop = CoreLoop(node_values())
     pause_and_continue(loop, 5.0, pause, 5.0)
     # The approach to half of the reference has 0.25 m/s; then the law determines the error.
-    while loop.core._approach.is_on:
+    while loop.core.drive.approach.is_on:
         check(loop, 1.0)
     check(loop, 5.0)
     assert np.abs(loop.controller.error).max() < 0.01

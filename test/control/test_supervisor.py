@@ -7,14 +7,7 @@ from __future__ import annotations
 
 from hypothesis import given
 from hypothesis import strategies as st
-from masmc_ros.control.supervisor import (
-    ACTIVE,
-    FAULT,
-    INACTIVE,
-    NO_REFERENCE,
-    Supervisor,
-    would_follow,
-)
+from masmc_ros.control.supervisor import Cause, Mode, Supervisor, would_follow
 from masmc_ros.messages.stamp_order import in_time, Order, StampOrder, state_timeout
 import numpy as np
 import pytest
@@ -25,11 +18,11 @@ EVENTS = {
     'disable': lambda s: s.disable(),
     'stop': lambda s: s.stop(),
     'clear': lambda s: s.clear(),
-    'fail states': lambda s: s.fail('states', 'no states'),
-    'fail reference': lambda s: s.fail('reference', f'{NO_REFERENCE} for 1 s'),
-    'fail law': lambda s: s.fail('law', 'not finite', is_latched=True),
-    'recover states': lambda s: s.recover('states', is_restart=False),
-    'recover reference': lambda s: s.recover('reference', is_restart=True),
+    'fail states': lambda s: s.fail(Cause.STATES, 'no states'),
+    'fail reference': lambda s: s.fail(Cause.REFERENCE, f'{Cause.REFERENCE.value} for 1 s'),
+    'fail law': lambda s: s.fail(Cause.LAW, 'not finite', is_latched=True),
+    'recover states': lambda s: s.recover(Cause.STATES, is_restart=False),
+    'recover reference': lambda s: s.recover(Cause.REFERENCE, is_restart=True),
     'configure': lambda s: s.configure(),
     'clean up': lambda s: s.clean_up(),
     'shut down': lambda s: s.shut_down(),
@@ -44,7 +37,7 @@ def test_supervisor_text_shows_if_reference_is_followed(
     for event in events:
         EVENTS[event](supervisor)
         is_following = would_follow(supervisor.text)
-        supervisor.recover('reference', is_restart=True)
+        supervisor.recover(Cause.REFERENCE, is_restart=True)
         assert is_following == supervisor.is_active
 
 
@@ -55,7 +48,7 @@ def test_supervisor_random_events_active_only_after_enable(
     supervisor = Supervisor(active=active)
     is_blocked, is_released, is_over = not active, False, False
     for event in events:
-        previous, cause = supervisor.state, supervisor.cause
+        was_active, cause = supervisor.is_active, supervisor.cause
         activations = supervisor.activations
         EVENTS[event](supervisor)
         is_over |= event == 'shut down'
@@ -68,17 +61,19 @@ def test_supervisor_random_events_active_only_after_enable(
         if is_blocked:
             assert not supervisor.is_active
         if is_released:
-            assert supervisor.state == INACTIVE
+            assert not supervisor.is_active
+            assert not supervisor.is_fault
         elif event in ('enable', 'stop'):
-            assert supervisor.state == {'enable': ACTIVE, 'stop': FAULT}[event]
-        if previous != ACTIVE and supervisor.is_active:
-            assert event == 'enable' or event == f'recover {cause}'
+            assert supervisor.mode is {'enable': Mode.ACTIVE, 'stop': Mode.FAULT}[event]
+        if supervisor.is_active and not was_active:
+            causes = {'recover states': Cause.STATES, 'recover reference': Cause.REFERENCE}
+            assert event == 'enable' or causes[event] is cause
             assert (supervisor.activations > activations) == (event != 'recover states')
         else:
             assert supervisor.activations == activations
-        assert supervisor.is_active == (supervisor.state == ACTIVE)
-        assert bool(supervisor.reason) == (supervisor.state != ACTIVE)
-        assert bool(supervisor.cause) == (supervisor.state == FAULT)
+        assert supervisor.is_active == (supervisor.mode is Mode.ACTIVE)
+        assert bool(supervisor.reason) == supervisor.is_fault
+        assert (supervisor.cause is not None) == supervisor.is_fault
 
 
 def test_supervisor_text_has_reason() -> None:
@@ -86,14 +81,14 @@ def test_supervisor_text_has_reason() -> None:
     assert supervisor.text == 'inactive: not enabled yet'
     supervisor.enable()
     assert supervisor.text == 'active'
-    supervisor.fail('states', 'no states for 0.1 s')
+    supervisor.fail(Cause.STATES, 'no states for 0.1 s')
     assert supervisor.text == 'fault: no states for 0.1 s'
     supervisor.stop()
     assert supervisor.text == 'fault: emergency stop'
-    assert not supervisor.fail('law', 'not finite', is_latched=True)
+    assert not supervisor.fail(Cause.LAW, 'not finite', is_latched=True)
     assert supervisor.text == 'fault: emergency stop'
     assert supervisor.clear()
-    assert supervisor.state == INACTIVE
+    assert supervisor.mode is Mode.CLEARED
     assert not supervisor.clear()
 
 

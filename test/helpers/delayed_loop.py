@@ -15,6 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from masmc_ros.loop.controller import Controller
+from masmc_ros.loop.drive import Drive
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.timing import LATE_TICKS
 from masmc_ros.params.declaration import Values
@@ -70,27 +71,17 @@ class _Answering:
         control = values['controller']
         period = control['control_period']
         self.controller = Controller(robot_of(control), period, control)
-        self._approach = Approach(self.controller.robot, control['approach_speed'])
-        self._approach.start()
+        approach = Approach(self.controller.robot, control['approach_speed'])
+        self._drive = Drive(self.controller, approach, is_active=True, is_timed=True)
         self._reference, self._delay, self._period = reference, delay, period
         self._free = 0.0
-        self._answered: int | None = None
         self._sent: list[tuple[float, int, Array]] = []
 
     def answer(self, sent: float, tick: int, position: Array, velocity: Array) -> None:
         """Answer the state of a tick that was sent at a time in s."""
-        if self._answered is not None:
-            skipped = tick - self._answered - 1
-            if skipped > 0:
-                self.controller.skip(skipped)
-        self._answered = tick
         stamp = round(1e9 * tick * self._period)
-        reference = self._reference[tick].copy()
-        self._approach.watch(stamp, reference)
-        if self._approach.is_on:
-            rates = self.controller.rates(velocity)
-            reference = self._approach.follow(stamp, position, rates, reference)
-        self.controller.tick(position, velocity, reference)
+        self._drive.skip_to(stamp)
+        self._drive.compute(stamp, position, velocity, self._reference[tick].copy())
         self._free = max(self._free, sent) + _COMPUTING + self._delay()
         self._sent.append((self._free, tick, self.controller.torque.copy()))
 

@@ -51,7 +51,8 @@ class Followed(CoreLoop):
         """Advance, and keep the samples of the reference that were used."""
         for _ in range(round(seconds / self.period)):
             self.step()
-            self.used.append(np.array(self.core.windows.at(self.timing.stamp(self.tick - 1))))
+            windows, stamp = self.core.reference.windows, self.timing.stamp(self.tick - 1)
+            self.used.append(np.array(windows.at(stamp)))
             self.reached.append(self.plant.true_position.copy())
             self.speeds.append(self.plant.true_velocity.copy())
             assert self.torque is not None

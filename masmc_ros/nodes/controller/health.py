@@ -11,7 +11,6 @@ import time
 
 from masmc_ros.control.controller_core import ControllerCore
 from masmc_ros.control.state_lateness import outdated_latency
-from masmc_ros.control.supervisor import ACTIVE, FAULT
 from masmc_ros.loop.controller import Controller
 from masmc_ros.nodes.controller.output import CommandOutput
 from masmc_ros.nodes.process.diagnostics import ERROR, Health, OK, RejectedMessages, senders, WARN
@@ -187,9 +186,9 @@ class ControllerHealth:
             Inputs with more than one sender, '' without such.
 
         """
-        supervisor, controller, counts = core.supervisor, core.controller, core.counts
-        has_state = core.arrival < math.inf
-        silence = max(0.0, time.monotonic() - core.arrival) if has_state else math.inf
+        supervisor, controller, counts = core.supervisor, core.controller, core.states.counts
+        has_state = core.states.arrival < math.inf
+        silence = max(0.0, time.monotonic() - core.states.arrival) if has_state else math.inf
         values = {
             'state': supervisor.text,
             **self._ticks.report(),
@@ -231,7 +230,7 @@ class ControllerHealth:
         problems = rejected_messages.total + counts.late + counts.gaps + self._ticks.overruns
         is_worse, self._problems = problems > self._problems, problems
         lateness = self._lateness(counts.skipped)
-        if supervisor.state == FAULT:
+        if supervisor.is_fault:
             return Health(ERROR, supervisor.text, values)
         if others:
             if not self._had_others:
@@ -241,14 +240,14 @@ class ControllerHealth:
         self._had_others = False
         if sources:
             return Health(WARN, f'more than one sender: {sources}', values)
-        if supervisor.state == ACTIVE and silence > _SILENCE:
+        if supervisor.is_active and silence > _SILENCE:
             duration = f'for {silence:.1f} s' if has_state else 'so far'
             return Health(WARN, f'no usable {core.missing_source()} {duration}', values)
-        if supervisor.state == ACTIVE and outdated:
+        if supervisor.is_active and outdated:
             return Health(WARN, outdated, values)
-        if supervisor.state == ACTIVE and lateness:
+        if supervisor.is_active and lateness:
             return Health(WARN, lateness, values)
-        if supervisor.state == ACTIVE and is_worse:
+        if supervisor.is_active and is_worse:
             return Health(WARN, 'messages rejected or late, or ticks too long', values)
         return Health(OK, supervisor.text, values)
 

@@ -32,7 +32,6 @@ from masmc_ros.control.actions import (
 )
 from masmc_ros.control.controller_core import ControllerCore
 from masmc_ros.control.layer_watch import LayerWatch
-from masmc_ros.control.supervisor import FAULT
 from masmc_ros.errors import InputError
 from masmc_ros.law import registry
 from masmc_ros.law.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CMD_VEL, takes_rates
@@ -295,7 +294,7 @@ class ControllerNode(SuiteNode):
     def _watch(self) -> None:
         if self.finished:
             return
-        if self._core.arrival == math.inf and self._states.missing != 'joint_states':
+        if self._core.states.arrival == math.inf and self._states.missing != 'joint_states':
             self.wait(f'the robot ({self._states.missing})')
         self._perform(self._core.on_timer(time.monotonic()))
         effect = self._law_change.poll()
@@ -327,7 +326,7 @@ class ControllerNode(SuiteNode):
 
     def _on_clear(self, _: object, response: Trigger.Response) -> Trigger.Response:
         supervisor = self._core.supervisor
-        if supervisor.state != FAULT:
+        if not supervisor.is_fault:
             return _rejected(response, f'{supervisor.text}; there is no fault')
         return self._respond(response, self._core.on_clear(time.monotonic()))
 
@@ -385,7 +384,7 @@ class ControllerNode(SuiteNode):
     def _send(self, action: Command) -> None:
         self._output.send(action.stamp)
         self._health.add_tick(self._controller)
-        self._health.add_response(action.stamp, self._core.arrival)
+        self._health.add_response(action.stamp, self._core.states.arrival)
         # A simulated plant in lock-step has a known latency, and waits for every answer.
         if self._core.pacing.is_timed:
             self._echo.add(action.stamp)
@@ -394,11 +393,11 @@ class ControllerNode(SuiteNode):
 
     def _send_stop(self, action: StopCommand) -> None:
         self._output.send(action.stamp)
-        self._health.add_response(action.stamp, self._core.arrival)
+        self._health.add_response(action.stamp, self._core.states.arrival)
 
     def _send_void(self, action: Void) -> None:
         self._output.send_void(action.stamp)
-        self._health.add_response(action.stamp, self._core.arrival)
+        self._health.add_response(action.stamp, self._core.states.arrival)
 
     def _publish_state(self, action: State) -> None:
         if action.level:

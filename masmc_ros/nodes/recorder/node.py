@@ -16,7 +16,7 @@ import time
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
-from masmc_ros.control.supervisor import ACTIVE
+from masmc_ros.control.supervisor import Mode
 from masmc_ros.errors import InputError
 from masmc_ros.log.offered_qos import Qos
 from masmc_ros.log.recover.recover import recover_all
@@ -287,7 +287,7 @@ class RecorderNode(SuiteNode):
 
     def _on_controller_state(self, raw: bytes, stamp: int | None) -> None:
         """Expect no telemetry of a controller that does not compute."""
-        if text_of(raw) != ACTIVE:
+        if text_of(raw) != Mode.ACTIVE.value:
             self._progress.coverage.forget(_TELEMETRY)
 
     def _on_parameters(self, node: str, raw: bytes, stamp: int | None) -> None:

@@ -11,7 +11,7 @@ import math
 from typing import Any, NamedTuple
 
 from masmc_ros.aliases import Array
-from masmc_ros.control.supervisor import ACTIVE
+from masmc_ros.control.supervisor import Mode
 from masmc_ros.log.read.reader import Run
 from masmc_ros.loop.controller_events import ACTIVATED, DEACTIVATED, GUIDED, RESUMED
 from masmc_ros.loop.signals import largest_slip, least_normal_force
@@ -439,7 +439,7 @@ def _events(run: Run, changes: Sequence[ParameterChange]) -> list[str]:
     ]
     ends = [*(time - start for time, _ in states[1:]), math.inf]
     for (time, text), end in zip(states, ends, strict=False):
-        if text != ACTIVE and end > 0.0:
+        if text != Mode.ACTIVE.value and end > 0.0:
             until = 'the end' if end == math.inf else f'{end:.3f} s'
             first = max(time - start, 0.0)
             events.append((
