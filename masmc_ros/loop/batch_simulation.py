@@ -48,7 +48,7 @@ from masmc_ros.reference.trajectory import path_values, Trajectory
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.robot import robot_of
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 BLOCK = 2_000
 """Ticks in memory at a time, with all lanes."""
@@ -61,6 +61,24 @@ _OF_ALL = {
     'controller': ('law', 'switching', 'command_interface', JOINT_LIMITS.name),
 }
 """Parameters that must be equal in all lanes, by node; so must those of the path."""
+
+
+class ValuesOfFirst:
+    """Values of the first run, which all lanes have; other runs write those that differ."""
+
+    def __init__(self) -> None:
+        """Initialise without a run."""
+        self._values: dict[str, ArrayLike] = {}
+
+    def write(self, record: Records, name: str, value: ArrayLike, lane: int | None) -> None:
+        """Write a value into a lane unless it is that of the first run, whose lane is None."""
+        if lane is None:
+            self._values[name] = value
+        # Equal numbers may have different bits: 0 and -0.
+        known = self._values[name]
+        is_of_first = value is known or (isinstance(value, int) and value == known)
+        if lane is None or not is_of_first:
+            fill(record, name, value, lane)
 
 
 class BatchRecords:
@@ -124,6 +142,7 @@ class BatchRecords:
         )
         self._state = records.plant_memory(mechanism, lanes)
         self._now = records.signals(mechanism, lanes)
+        self._of_first = ValuesOfFirst()
         self._write_plant(first, None)
         self._write_control(first, read, None)
         for lane, run in enumerate(runs[1:], start=1):
@@ -144,8 +163,9 @@ class BatchRecords:
             )
         check_agreement(plant, run['controller'])
         robot = robot_of(plant)
-        write_plant(self._plant, robot, self.timing.period, plant, lane)
-        write_start(self._state, robot, plant, lane)
+        write = self._of_first.write
+        write_plant(self._plant, robot, self.timing.period, plant, lane, write)
+        write_start(self._state, robot, plant, lane, write)
 
     def _write_control(
         self,

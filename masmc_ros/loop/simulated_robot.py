@@ -42,6 +42,14 @@ _BANDWIDTH_STEP = 0.1
 A joint with a quarter of its own inertia, as in a stretched arm, is stable up to 0.25.
 """
 
+_STILL = (
+    'drive_integral', 'driven', 'target', 'motor', 'deflection', 'stiction', 'followed_rates'
+)  # fmt: skip
+"""Fields of the memory that are zero at the start."""
+
+Write = Callable[[Records, str, ArrayLike, int | None], None]
+"""Function that writes a value into a field of a record, in a lane or, without one, in all."""
+
 
 class SimulatedRobot:
     """
@@ -227,8 +235,13 @@ def write_plant(
     period: float,
     values: Values,
     lane: int | None = None,
+    write: Write = fill,
 ) -> None:
-    """Write a robot, the control period in s and checked values of `parameters` into a record."""
+    """
+    Write a robot, the control period in s and checked values of `parameters` into a record.
+
+    See `Write`.
+    """
     delay, delay_span = _ticks_of_delay(values, 'measurement_delay', period)
     command_delay, command_delay_span = _ticks_of_delay(values, 'command_delay', period)
     if any(values[PUSH]):
@@ -293,22 +306,22 @@ def write_plant(
         'joint_damping': values['joint_damping'],
         'rotor_inertia': values['rotor_inertia'],
     }.items():
-        fill(settings, name, value, lane)
+        write(settings, name, value, lane)
     # Without a lane, all lanes have the same values.
     inertias = joint_inertias(settings, np.array(values['initial_joints']), lane or 0)
-    fill(settings, 'inertia', inertias, lane)
+    write(settings, 'inertia', inertias, lane)
     step = period / steps
     _check_frequencies(values, robot.mechanism, inertias, step)
     base_decay = np.zeros(len(follows))
     base_decay[:len(robot.mechanism.twist)] = lag_shares(values['base_lag'], period, 2.0 * step)[0]
-    fill(settings, 'base_decay', base_decay, lane)
+    write(settings, 'base_decay', base_decay, lane)
     shares = np.array([lag_shares(lag, period, step) for lag in values['motor_lag']])
-    fill(settings, 'lag_decay', shares[:, 0], lane)
-    fill(settings, 'lag_mean', shares[:, 1], lane)
+    write(settings, 'lag_decay', shares[:, 0], lane)
+    write(settings, 'lag_mean', shares[:, 1], lane)
     of_stiction = values['stiction.torque'], values['stiction.velocity'], inertias
     gains = np.array([bristle_gains(*joint, step) for joint in zip(*of_stiction, strict=True)])
-    fill(settings, 'bristle_stiffness', gains[:, 0], lane)
-    fill(settings, 'bristle_damping', gains[:, 1], lane)
+    write(settings, 'bristle_stiffness', gains[:, 0], lane)
+    write(settings, 'bristle_damping', gains[:, 1], lane)
 
 
 def has_effects(values: Values) -> bool:
@@ -361,21 +374,22 @@ def _ticks_of_delay(values: Values, name: str, period: float) -> tuple[int, int]
 
 
 def write_start(
-    memory: Records, robot: Robot, values: Values, lane: int | None = None
+    memory: Records,
+    robot: Robot,
+    values: Values,
+    lane: int | None = None,
+    write: Write = fill,
 ) -> None:
-    """Write the initial state for checked values of `parameters` into a record."""
-    position = robot.start(values['initial_pose'], values['initial_joints'])
-    still = np.zeros(len(values['initial_velocity']))
-    fill(memory, 'position', position, lane)
-    fill(memory, 'rates', values['initial_velocity'], lane)
-    fill(memory, 'rotor_angles', values['initial_joints'], lane)
-    fill(memory, 'rotor_rates', values['initial_velocity'], lane)
-    for name in (
-        *('drive_integral', 'driven', 'target', 'motor'),
-        *('deflection', 'stiction', 'followed_rates'),
-    ):
-        fill(memory, name, still, lane)
-    fill(memory, 'acting', 0, lane)
+    """Write the initial state for checked values of `parameters` into a record; see `Write`."""
+    for name, value in {
+        'position': robot.start(values['initial_pose'], values['initial_joints']),
+        'rates': values['initial_velocity'],
+        'rotor_angles': values['initial_joints'],
+        'rotor_rates': values['initial_velocity'],
+        **dict.fromkeys(_STILL, 0.0),
+        'acting': 0,
+    }.items():
+        write(memory, name, value, lane)
 
 
 def delay_line(settings: Records, mechanism: Mechanism) -> NDArray[np.float64]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
+from functools import lru_cache
 import inspect
 from typing import cast, ClassVar
 
@@ -147,8 +148,13 @@ def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 def path_values(values: Values) -> Values:
     """Return the values that determine the path, among checked ones: type and its block."""
-    block = f'{values["type"]}.'
-    return {n: v for n, v in values.items() if n == 'type' or n.startswith(block)}
+    return {name: values[name] for name in _path_names(values['type'], tuple(values))}
+
+
+# A campaign asks for each of its runs.
+@lru_cache(maxsize=64)
+def _path_names(kind: str, names: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(name for name in names if name == 'type' or name.startswith(f'{kind}.'))
 
 
 class Trajectory:

@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 from masmc_ros.errors import InputError
 from masmc_ros.numerics.portable_math import sin_cos
 from masmc_ros.params.declaration import Values
@@ -42,12 +44,16 @@ def constants(values: Values) -> tuple[Geometry, BaseParameters]:
     return geometry, base_parameters(**values)
 
 
+# The runs of a campaign mostly have the same initial yaw.
+_sin_cos = lru_cache(maxsize=16)(sin_cos)
+
+
 def start(
     values: Values, pose: tuple[float, ...], angles: tuple[float, ...]
 ) -> tuple[float, ...]:
     """Return the positions for a pose (x, y, yaw) of C and joint angles."""
     x, y, yaw = pose
-    s, c = sin_cos(yaw)
+    s, c = _sin_cos(yaw)
     d = values['com_offset']
     return x - d * c, y - d * s, yaw, *angles
 
