@@ -42,6 +42,7 @@ from masmc_ros.native.ros2_control import check_supervised, package_contents, pa
 from masmc_ros.native.targets import Target
 from masmc_ros.output_files import check_absent, make_folder, write_file
 from masmc_ros.params.declaration import Parameter, Values
+import numpy as np
 
 _KINDS = {'f8': 'double', 'i8': 'int64_t', 'i4': 'int32_t'}
 
@@ -167,7 +168,8 @@ def exported_simulation(values: Mapping[str, Values], product: str) -> Simulatio
             f'plant.payload.time = {plant["payload.time"]:g}: the robot of {product} has its'
             ' payload from the start; expected 0'
         )
-    with interpreted():  # the product has its own compiled code
+    # The product has its own compiled code. Plain Python warns of a NaN that it computes.
+    with interpreted(), np.errstate(all='ignore'):
         simulation = Simulation(values)
     if simulation.timing.last is None:
         raise InputError(f'duration = 0.0: expected a length > 0 s for the run of {product}')
@@ -175,7 +177,7 @@ def exported_simulation(values: Mapping[str, Values], product: str) -> Simulatio
         raise InputError(f'plant.physics = {plant["physics"]}: expected rigid for {product}')
     if not simulation.controller.is_compiled:
         raise InputError(f'law = {control["law"]}: it is plain Python, expected a compiled law')
-    with interpreted():
+    with interpreted(), np.errstate(all='ignore'):
         simulation.controller.reset()
     return simulation
 
