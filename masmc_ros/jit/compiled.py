@@ -18,22 +18,26 @@ fused multiply-add, because runs are bitwise identical on every machine.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache, cached_property, update_wrapper
 import gc
 import hashlib
 import os
 from pathlib import Path
+import pickle
 import sys
 from threading import local
-from typing import Any, cast
+from typing import Any, cast, NamedTuple
+import zlib
 
+from llvmlite import __version__ as llvmlite_version
 from masmc_ros.aliases import AnyFunction, Function
 from masmc_ros.errors import UserError
 from masmc_ros.jit.code_files import CodeFiles, Key
 from masmc_ros.jit.compiler_errors import COMPILER_ERRORS, explained
-from masmc_ros.jit.inlined_code import InlinedCompiler
+from masmc_ros.jit.generated import Types
+from masmc_ros.jit.inlined_code import ExportedCompiler, InlinedCompiler
 from masmc_ros.jit.sized_records import has_sized_records, type_of
 from masmc_ros.jit.sources import digest, files_of_types, remember
 from masmc_ros.jit.supported_numba import FIRST_UNSUPPORTED, OLDEST, version_numbers
@@ -80,6 +84,13 @@ class _RareCollections(event.Listener):
 event.register('numba:compile', _RareCollections())
 
 
+_EXPORTED: Mapping[str, Any] = {
+    'error_model': 'numpy', 'no_cpython_wrapper': True, 'no_cfunc_wrapper': True,
+    'pipeline_class': ExportedCompiler,
+}  # fmt: skip
+"""Options of functions for other processors, which this process does not run."""
+
+
 class Formula:
     """Formula that compiled functions inline; a call from Python computes it in plain Python."""
 
@@ -100,10 +111,15 @@ class Formula:
             pipeline_class=InlinedCompiler,
         )
 
+    @cached_property
+    def _exported(self) -> Any:
+        return njit(**_EXPORTED, forceinline=True)(self.py_func)
+
     @property
     def _numba_type_(self) -> Any:
         """Function that compiled code uses in place of this object."""
-        return self._compiled._numba_type_
+        is_exporting = getattr(_thread, 'is_exporting', False)
+        return (self._exported if is_exporting else self._compiled)._numba_type_
 
     def __call__(self, *arguments: object) -> Any:
         """Call it from Python, with the same bits; compiling it would take longer."""
@@ -178,7 +194,9 @@ def inlined(function: AnyFunction) -> AnyFunction:
     """
     if _settings.DISABLE_JIT:
         return function
-    return cast(AnyFunction, Kernel(function, njit(inline='always')(function)))
+    compiled = Kernel(function, njit(inline='always')(function))
+    compiled.__dict__['_exported'] = compiled.__dict__['_compiled']
+    return cast(AnyFunction, compiled)
 
 
 def kernel(function: AnyFunction) -> AnyFunction:
@@ -337,6 +355,90 @@ def _replace_files(compiled: Any, source: str) -> None:
             f'numba {numba_version} is not supported ({error}): expected {OLDEST} or later, below '
             f"{FIRST_UNSUPPORTED}; pip install 'numba<{FIRST_UNSUPPORTED}'"
         ) from error
+
+
+class ExportedCode(NamedTuple):
+    """Intermediate code of a function, and the name of the function in it."""
+
+    text: str
+    name: str
+
+
+def exported_code(function: Function, signature: Signature, *contents: object) -> ExportedCode:
+    """
+    Return the intermediate code of a function for other processors, from the disk if it is there.
+
+    Everything it calls is compiled for the export alone, so the code does not depend on what the
+    process has compiled.
+
+    Parameters
+    ----------
+    function
+        Function in plain Python, which may be a closure.
+    signature
+        Types of its arguments and of its result.
+    contents
+        Values in its closure, which the code depends on.
+
+    Raises
+    ------
+    InputError
+        If it cannot be compiled, with one line.
+
+    """
+
+    def compiled() -> ExportedCode:
+        _thread.is_exporting = True
+        try:
+            code = njit(**_EXPORTED)(function)
+            code.compile(signature)
+        except COMPILER_ERRORS as error:
+            raise explained(error) from error
+        finally:
+            _thread.is_exporting = False
+        name = code.overloads[signature.args].fndesc.llvm_func_name
+        return ExportedCode(code.inspect_llvm(signature.args), name)
+
+    source = function.__code__.co_filename
+    key = function.__qualname__, *contents
+    return ExportedCode(*stored('exported', [source], signature.args, key, compiled))
+
+
+def stored(
+    name: str,
+    sources: Iterable[str],
+    kinds: Types,
+    contents: tuple[object, ...],
+    compute: Callable[[], Any],
+) -> Any:
+    """
+    Return a result of the compiler, which is computed unless the disk has it.
+
+    Parameters
+    ----------
+    name
+        First part of the name of the file.
+    sources
+        Files that the result depends on, also by their imports.
+    kinds
+        Types of arguments, whose formulas are further sources.
+    contents
+        Other inputs.
+    compute
+        Function that computes the result.
+
+    """
+    for source in sources:
+        remember(source)
+    files = CodeFiles(
+        str(code_directory()), name, lambda key: digest({*sources, *files_of_types(key[0])})
+    )
+    key = kinds, (ll.get_host_cpu_name(), llvmlite_version), contents
+    data = cast(bytes | None, files.load(key))
+    if data is None:
+        data = zlib.compress(pickle.dumps(compute()), 1)
+        files.save(key, data)
+    return pickle.loads(zlib.decompress(data))
 
 
 def machine_code(name: str, sources: Iterable[str], *contents: str) -> Path:

@@ -1,20 +1,21 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Compilation of functions that other compiled functions inline, without machine instructions."""
+"""Compilation of functions that are inlined or exported, without machine instructions."""
 
 from __future__ import annotations
 
 from masmc_ros.aliases import Function
 from masmc_ros.jit.generated import Type
 from masmc_ros.jit.sized_records import has_sizes_at_run_time
+from numba import types
 from numba.core.codegen import JITCodeLibrary, ll
 from numba.core.compiler import Compiler
 
 
 class _InlinedLibrary(JITCodeLibrary):
     """
-    Code of an inlined function, without machine instructions.
+    Code of an inlined or exported function, without machine instructions.
 
     Generating instructions takes a third of the compile time, and no caller uses them.
     """
@@ -45,6 +46,10 @@ class _InlinedLibrary(JITCodeLibrary):
         self._final_module.name = module.name
         super()._finalize_final_module()
 
+    def get_llvm_str(self) -> str:
+        """Return the intermediate code, which the final module lacks."""
+        return str(self._shared_module)
+
 
 class InlinedCompiler(Compiler):
     """Compiler of functions that other compiled functions inline."""
@@ -56,7 +61,22 @@ class InlinedCompiler(Compiler):
         Lanes are then 3 % faster. Functions of sizes at run time compile faster without it.
         """
         library = _InlinedLibrary(self.state.targetctx.codegen(), function.__qualname__)
-        library.is_optimised = not any(map(has_sizes_at_run_time, self.state.args))
+        library.is_optimised = self.is_optimised()
         library.enable_object_caching()
         self.state.library = library
         return super().compile_extra(function)
+
+    def is_optimised(self) -> bool:
+        """Return True if the code is optimised alone."""
+        return not any(map(has_sizes_at_run_time, self.state.args))
+
+
+class ExportedCompiler(InlinedCompiler):
+    """Compiler of functions for other processors, which are optimised for each of them."""
+
+    def is_optimised(self) -> bool:
+        """Return True for an entry with sizes at run time, none of which becomes a constant."""
+        return any(
+            isinstance(kind, types.CPointer) and has_sizes_at_run_time(kind.dtype)
+            for kind in self.state.args
+        )

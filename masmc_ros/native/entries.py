@@ -9,6 +9,7 @@ from collections.abc import Callable, Collection
 from typing import Any, NamedTuple
 
 from masmc_ros.aliases import Records
+from masmc_ros.jit.compiled import exported_code, ExportedCode
 from masmc_ros.jit.generated import Compiler, generated, IrValue, IrValues, Type, Types
 from masmc_ros.jit.sized_records import (
     has_layout,
@@ -28,8 +29,9 @@ from masmc_ros.loop.supervision import (
     supervision_start,
 )
 from masmc_ros.messages.stamp_order import state_timeout
+from masmc_ros.plant_model.plant_tick import advance, observe
 from masmc_ros.reference.line_sine import line_sine
-from numba import carray, cfunc, from_dtype, types
+from numba import carray, from_dtype, types
 from numba.core import cgutils
 
 Pointer = Any
@@ -39,8 +41,7 @@ Pointer = Any
 class Entry(NamedTuple):
     """A function of a library."""
 
-    compiled: Any
-    """Callback that Numba has compiled."""
+    code: ExportedCode
     arguments: tuple[str, ...]
     """Types of its arguments in C; the name of a record stands for a pointer to it."""
     description: str
@@ -48,6 +49,8 @@ class Entry(NamedTuple):
     """Result if the kernel raises an exception, as a full memory does."""
     layouts: tuple[bytes, ...]
     """First bytes that the record of each argument must have; b'' for any."""
+    further: tuple[int, ...] = ()
+    """Constants that follow the arguments, so several functions share their code."""
 
 
 FAILED, OTHER_RECORDS = 4, 8
@@ -112,18 +115,21 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
     )  # fmt: skip
     found: dict[str, Entry] = {}
 
-    def exported(name: str, text: str, *arguments: str) -> Callable[[Callable[..., int]], None]:
+    def exported(
+        name: str, text: str, *arguments: str, further: tuple[int, ...] = ()
+    ) -> Callable[[Callable[..., int]], None]:
         def decorate(function: Callable[..., int]) -> None:
-            if name == 'plant_hold' and layouts:
-                return  # a second copy of the plant, which is the largest part of the code
             if name not in names or not set(arguments) <= kinds.keys():
                 return
-            signature = number(*(kinds[argument] for argument in arguments))
-            compiled = cfunc(signature, error_model='numpy')(function)
+            signature = number(
+                *(kinds[argument] for argument in arguments), *(number for _ in further)
+            )
+            code = exported_code(function, signature, positions, velocities, desired, line)
             failure = 0 if name.startswith('plant') else NOT_FINITE | FAILED
             found[name] = Entry(
-                compiled, arguments, text, failure,
+                code, arguments, text, failure,
                 tuple(layouts.get(argument.removeprefix('const '), b'') for argument in arguments),
+                further,
             )  # fmt: skip
 
         return decorate
@@ -132,7 +138,7 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
         'control_tick', 'Compute a tick; the torque is in the signals.',
         'settings', 'memory', 'signals', *('const double *',) * 3,
     )  # fmt: skip
-    def _(
+    def control(
         settings: Pointer,
         memory: Pointer,
         signals: Pointer,
@@ -150,7 +156,7 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
         'Restrict the estimates to their range; to be called after writing settings.',
         'settings', 'memory',
     )  # fmt: skip
-    def _(settings: Pointer, memory: Pointer) -> int:
+    def after_change(settings: Pointer, memory: Pointer) -> int:
         changed(records_at(settings), records_at(memory))
         return 0
 
@@ -160,7 +166,7 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
         'supervision', 'const memory', 'settings', 'memory', 'int64_t stamp', 'int64_t now',
         *('const double *',) * 3, 'int64_t has_reference',
     )  # fmt: skip
-    def _(
+    def before_control(
         supervision: Pointer,
         initial: Pointer,
         settings: Pointer,
@@ -182,7 +188,7 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
         'supervision_end', 'Last part of a supervised tick, with the status of control_tick.',
         'supervision', 'settings', 'memory', 'signals', 'int64_t status',
     )  # fmt: skip
-    def _(
+    def after_control(
         supervision: Pointer, settings: Pointer, memory: Pointer, signals: Pointer, status: int
     ) -> int:
         return supervision_end(
@@ -194,7 +200,9 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
         'plant_start', 'Write the state of tick 0 into the signals.',
         'plant_settings', 'plant_memory', 'double *', 'signals',
     )  # fmt: skip
-    def _(settings: Pointer, memory: Pointer, delay_line: Pointer, signals: Pointer) -> int:
+    def initial_plant(
+        settings: Pointer, memory: Pointer, delay_line: Pointer, signals: Pointer
+    ) -> int:
         return int(start(
             records_at(settings), records_at(memory), carray(delay_line, line),
             records_at(signals),
@@ -206,7 +214,7 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
         'sample_line_sine', 'Write the reference of a tick on a path line_sine.',
         'const double *', 'double', 'int64_t', 'double *',
     )  # fmt: skip
-    def _(table: Pointer, period: float, tick: int, reference: Pointer) -> int:
+    def on_line(table: Pointer, period: float, tick: int, reference: Pointer) -> int:
         rows, out = carray(table, (5, axes)), carray(reference, desired)
         for i in range(axes):
             out[i], out[axes + i], out[2 * axes + i] = line_sine(
@@ -214,30 +222,33 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
             )
         return 0
 
-    for name, move, text in (
-        ('plant_tick', closed_loop.plant_tick,
+    def plant(
+        settings: Pointer,
+        memory: Pointer,
+        delay_line: Pointer,
+        tick: int,
+        signals: Pointer,
+        hold: int,
+    ) -> int:
+        robot, state, row = (
+            records_at(settings)[0], records_at(memory)[0], records_at(signals)[0]
+        )  # fmt: skip
+        delayed = carray(delay_line, line)
+        advance(robot, state, delayed, tick, row, hold != 0)
+        observe(robot, state, delayed, tick + 1, row)
+        return int(closed_loop.is_finite(row))
+
+    for name, hold, text in (
+        ('plant_tick', 0,
          'Advance the simulated robot from a tick to the next under the command in the signals.'),
-        ('plant_hold', closed_loop.plant_hold,
+        ('plant_hold', 1,
          'Advance the simulated robot by a tick without a command: its drives hold the joints.'),
     ):  # fmt: skip
         exported(
-            name, text, 'plant_settings', 'plant_memory', 'double *', 'int64_t', 'signals'
-        )(_step(move, line))
+            name, text, 'plant_settings', 'plant_memory', 'double *', 'int64_t', 'signals',
+            further=(hold,),
+        )(plant)  # fmt: skip
     return found
-
-
-def _step(move: Callable[..., bool], line: tuple[int, ...]) -> Callable[..., int]:
-    """Return the function of a kernel that advances the plant by a tick."""
-
-    def step(
-        settings: Pointer, memory: Pointer, delay_line: Pointer, tick: int, signals: Pointer
-    ) -> int:
-        return int(move(
-            records_at(settings), records_at(memory), carray(delay_line, line), tick,
-            records_at(signals),
-        ))
-
-    return step
 
 
 def _pointer(record: Records) -> types.Type:

@@ -14,22 +14,24 @@ The same code for this processor computes a run of each call, for machines witho
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 import re
 from typing import Any
 
 import llvmlite.binding as llvm
 from masmc_ros.aliases import Records
 from masmc_ros.errors import InputError
+from masmc_ros.jit.compiled import exported_code
 from masmc_ros.jit.record import lanes_of
 from masmc_ros.loop import closed_loop
 from masmc_ros.loop.control import control
 from masmc_ros.loop.reduction import reduce_tick
+from masmc_ros.native.entries import Entry
 from masmc_ros.native.object_code import merged, optimised
 from masmc_ros.native.targets import Target
 from masmc_ros.native.template import filled
 from masmc_ros.plant_model.plant_tick import advance, observe
-from numba import carray, cfunc, from_dtype, types
+from numba import carray, from_dtype, types
 
 Pointer = Any
 """Address of numbers or of a record in compiled code."""
@@ -143,7 +145,7 @@ def check_ptx(text: str) -> None:
             raise InputError(f"code for the GPU contains '{found.group()}'; expected {expected}")
 
 
-def _functions(records: Mapping[str, Records], desired: int) -> dict[str, Any]:
+def _functions(records: Mapping[str, Records], desired: int) -> dict[str, Entry]:
     """Compile the functions of a tick for records of one lane."""
     number, vector = types.int64, types.CPointer(types.float64)
     settings, plant_settings, memory, plant_memory, signals, reduced = (
@@ -190,7 +192,7 @@ def _functions(records: Mapping[str, Records], desired: int) -> dict[str, Any]:
         observe(robot, memory, own, tick + 1, row)
         return 0
 
-    kinds = {
+    kinds: dict[Callable[..., int], Sequence[Any]] = {
         start_of_run: (settings, plant_settings, memory, plant_memory, signals, vector,
                        number, number, number),
         control_of_tick: (settings, memory, signals, vector),
@@ -199,7 +201,8 @@ def _functions(records: Mapping[str, Records], desired: int) -> dict[str, Any]:
         plant_of_tick: (plant_settings, plant_memory, vector, number, number, number, number,
                         signals),
     }  # fmt: skip
-    return {
-        function.__name__: cfunc(number(*arguments), error_model='numpy')(function)
+    codes = {
+        function.__name__: exported_code(function, number(*arguments), points, desired, width)
         for function, arguments in kinds.items()
     }
+    return {name: Entry(code, (), '', 0, ()) for name, code in codes.items()}

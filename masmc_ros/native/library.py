@@ -5,14 +5,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
+import hashlib
 from pathlib import Path
 import re
-from typing import Any, NamedTuple
+from typing import Any, cast, NamedTuple
 
 from masmc_ros import __version__
 from masmc_ros.aliases import Records
 from masmc_ros.errors import InputError
+from masmc_ros.jit.compiled import interpreted, stored
 from masmc_ros.jit.sized_records import has_layout, LAYOUT, TAG
 from masmc_ros.jit.vectors import WORKSPACE
 from masmc_ros.json_text import json_text
@@ -23,6 +26,7 @@ from masmc_ros.loop.records import read_by
 from masmc_ros.loop.signals import inputs, SIGNALS
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.supervision import NAMES, PROGRAM_FIELDS
+from masmc_ros.native import object_code
 from masmc_ros.native.entries import (
     entries,
     Entry,
@@ -38,6 +42,7 @@ from masmc_ros.native.targets import Target
 from masmc_ros.native.template import filled
 from masmc_ros.output_files import check_absent, make_folder, write_file
 from masmc_ros.params.declaration import Parameter, Values
+import numpy as np
 
 _KINDS = {'f8': 'double', 'i8': 'int64_t', 'i4': 'int32_t'}
 
@@ -119,9 +124,9 @@ def write_library(
     names = [entry for entry in LIBRARY if supervised or entry not in SUPERVISION]
     found = entries(simulation, names)
     functions = {f'{name}_{entry}': function for entry, function in found.items()}
-    text = merged(functions)
+    text = cache(lambda: merged(functions))
     contents = {
-        target: archive(f'{name}.o', object_of(text, kind), list(functions))
+        target: archive(f'{name}.o', _object_of(functions, kind, text), list(functions))
         for target, kind in targets.items()
     }
     described = _described(simulation, name, found)
@@ -165,15 +170,29 @@ def exported_simulation(values: Mapping[str, Values], product: str) -> Simulatio
             f'plant.payload.time = {plant["payload.time"]:g}: the robot of {product} has its'
             ' payload from the start; expected 0'
         )
-    simulation = Simulation(values)
+    # The product has its own compiled code. Plain Python warns of a NaN that it computes.
+    with interpreted(), np.errstate(all='ignore'):
+        simulation = Simulation(values)
     if simulation.timing.last is None:
         raise InputError(f'duration = 0.0: expected a length > 0 s for the run of {product}')
     if not simulation.plant.is_compiled:
         raise InputError(f'plant.physics = {plant["physics"]}: expected rigid for {product}')
     if not simulation.controller.is_compiled:
         raise InputError(f'law = {control["law"]}: it is plain Python, expected a compiled law')
-    simulation.controller.reset()
+    with interpreted(), np.errstate(all='ignore'):
+        simulation.controller.reset()
     return simulation
+
+
+def _object_of(
+    functions: Mapping[str, Entry], target: Target, text: Callable[[], str]
+) -> bytes:
+    """Return the object code of entries, from the disk if it is there."""
+    described = hashlib.sha256(repr(functions).encode()).hexdigest()
+    return cast(bytes, stored(
+        'library', [object_code.__file__], (), (described, *target),
+        lambda: object_of(text(), target),
+    ))  # fmt: skip
 
 
 def _described(

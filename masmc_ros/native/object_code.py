@@ -21,6 +21,7 @@ from typing import Any
 
 import llvmlite.binding as llvm
 from masmc_ros.errors import InputError, UserError
+from masmc_ros.jit.compiled import ExportedCode
 from masmc_ros.jit.supported_numba import version_numbers
 from masmc_ros.loop.closed_loop import NOT_FINITE
 from masmc_ros.native.entries import Entry, OTHER_RECORDS
@@ -175,11 +176,9 @@ _VARIABLE = re.compile(r'^@\S+ = (?:[a-z_]+ )*global .*', re.MULTILINE)
 _POINTER_IN_STRUCT = re.compile(r'getelementptr[^,\n]*\{[^}\n]*\bptr\b')
 
 
-def merged(functions: Mapping[str, Any]) -> str:
+def merged(functions: Mapping[str, Entry]) -> str:
     """
-    Return the intermediate code of entries, or of callbacks of Numba, under the given names.
-
-    A callback that raises an exception returns 0.
+    Return the intermediate code of entries under the given names.
 
     Raises UserError for a Numba that is too old.
     """
@@ -190,26 +189,18 @@ def merged(functions: Mapping[str, Any]) -> str:
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
     whole: Any = None
-    for name, function in functions.items():
-        entry = function if isinstance(function, Entry) else Entry(function, (), '', 0, ())
-        # These two contain instructions of this processor already.
-        text = re.sub(
-            r'^define [^@]*@NRT_(incref|decref)\(.*?^}$', r'declare void @NRT_\1(ptr)',
-            _LONG_NAME.sub(_short_name, entry.compiled.inspect_llvm()), flags=re.M | re.S,
-        )  # fmt: skip
-        module = llvm.parse_assembly(text)
-        # The wrapper of Numba reports exceptions to Python, and a caller in C gets none.
-        wrapper = module.get_function(entry.compiled.native_name)
-        wrapper.name = f'masmc.unused.{name}'
-        kernel = module.get_function(entry.compiled.native_name.removeprefix('cfunc.'))
-        kernel.name = f'masmc.{name}'
-        own = _function(name, entry, [str(value.type) for value in kernel.arguments][2:])
-        module = llvm.parse_assembly(f'{module}\n{own}')
-        _keep(module, (name,))
-        if whole is None:
-            whole = module
-        else:
-            whole.link_in(module)
+    kernels: dict[ExportedCode, str] = {}
+    for name, entry in functions.items():
+        kernel = kernels.setdefault(entry.code, f'masmc.{name}')
+        if kernel == f'masmc.{name}':
+            module = _module_of(entry.code, kernel)
+            if whole is None:
+                whole = module
+            else:
+                whole.link_in(module)
+        kinds = [str(value.type) for value in whole.get_function(kernel).arguments]
+        own = _function(name, entry, kernel, kinds)
+        whole.link_in(llvm.parse_assembly(_layout_of(whole) + own))
     _keep(whole, functions)
     passes = llvm.create_new_module_pass_manager()
     passes.add_global_dead_code_eliminate_pass()
@@ -217,9 +208,8 @@ def merged(functions: Mapping[str, Any]) -> str:
     text = str(whole)
     has_arrays = f'@{_ALLOCATION}(' in text
     whole = llvm.parse_assembly(_with_memory(text) if has_arrays else text)
-    layout = f'target triple = "{whole.triple}"\ntarget datalayout = "{whole.data_layout}"\n'
     runtime = llvm.parse_assembly(
-        layout + RUNTIME + (_ARRAYS if has_arrays else _WITHOUT_ARRAYS)
+        _layout_of(whole) + RUNTIME + (_ARRAYS if has_arrays else _WITHOUT_ARRAYS)
     )
     for function in runtime.functions:
         if not function.is_declaration:
@@ -229,13 +219,34 @@ def merged(functions: Mapping[str, Any]) -> str:
     return str(whole)
 
 
+def _module_of(code: ExportedCode, name: str) -> Any:
+    """Return the module of a kernel under a name; its other functions are internal."""
+    # These two contain instructions of this processor already.
+    text = re.sub(
+        r'^define [^@]*@NRT_(incref|decref)\(.*?^}$', r'declare void @NRT_\1(ptr)',
+        _LONG_NAME.sub(_short_name, code.text), flags=re.M | re.S,
+    )  # fmt: skip
+    module = llvm.parse_assembly(text)
+    kernel = module.get_function(code.name)
+    kernel.name = name
+    kernel.linkage = 'external'  # internal names cannot be linked
+    _keep(module, (name,))
+    return module
+
+
+def _layout_of(module: Any) -> str:
+    return f'target triple = "{module.triple}"\ntarget datalayout = "{module.data_layout}"\n'
+
+
 def _short_name(match: re.Match[str]) -> str:
     return f'block.{hashlib.sha256(match.group().encode()).hexdigest()[:16]}'
 
 
-def _function(name: str, entry: Entry, kinds: Sequence[str]) -> str:
-    """Return a function of a library, which calls the kernel `masmc.NAME`."""
-    arguments = [f'{kind} %a{i}' for i, kind in enumerate(kinds)]
+def _function(name: str, entry: Entry, kernel: str, kinds: Sequence[str]) -> str:
+    """Return a function of a library, which calls a kernel with arguments of these types."""
+    count = len(kinds) - len(entry.further)
+    arguments = [f'{kind} %a{i}' for i, kind in enumerate(kinds[2:count])]
+    further = map('i64 {}'.format, entry.further)
     constants, checks, differences = [], [], []
     for i, layout in enumerate(entry.layouts):
         if not layout:
@@ -262,6 +273,7 @@ def _function(name: str, entry: Entry, kinds: Sequence[str]) -> str:
     return f"""
 {chr(10).join(constants)}
 {'declare i64 @masmc.difference(ptr, ptr, i64)' if constants else ''}
+declare i32 @{kernel}({', '.join(kinds)})
 define i64 @{name}({', '.join(arguments)}) {{
   {_MEMORY} = alloca [{MEMORY} x i8], align 64
   store i64 64, ptr {_MEMORY}
@@ -272,7 +284,7 @@ define i64 @{name}({', '.join(arguments)}) {{
   store i64 0, ptr %result
   {lines}
 own:
-  %code = call i32 @masmc.{name}({', '.join(['ptr %result', 'ptr %exception', *arguments])})
+  %code = call i32 @{kernel}({', '.join(['ptr %result', 'ptr %exception', *arguments, *further])})
   %value = load i64, ptr %result
   %is_raised = icmp ne i32 %code, 0
   %status = select i1 %is_raised, i64 {entry.failure}, i64 %value

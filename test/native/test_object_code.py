@@ -10,10 +10,11 @@ import shutil
 import subprocess
 from typing import Any
 
+from masmc_ros.jit.compiled import exported_code
 from masmc_ros.native.entries import Entry, FAILED, OTHER_RECORDS
 from masmc_ros.native.object_code import archive, merged, object_of
 from masmc_ros.native.targets import TARGETS
-from numba import carray, cfunc, types
+from numba import carray, types
 import numpy as np
 import pytest
 
@@ -57,13 +58,14 @@ def _first(record: Any) -> int:
     return int(carray(record, 3)[2])
 
 
-def _code() -> bytes:
+def _code(compilation: int) -> bytes:
+    """Return the library; code on the disk of another compilation is not used."""
     number = types.int64
     kinds = {'sums': number(number, number), 'first': number(types.CPointer(number))}
     layouts = {'sums': (b'', b''), 'first': (np.array([1, 2]).tobytes(),)}
     entries = {
         name: Entry(
-            cfunc(kinds[name], error_model='numpy')(function), (), '', FAILED, layouts[name]
+            exported_code(function, kinds[name], compilation), (), '', FAILED, layouts[name]
         )
         for name, function in (('sums', _sums), ('first', _first))
     }  # fmt: skip
@@ -72,8 +74,8 @@ def _code() -> bytes:
 
 
 def test_exceptions_and_full_memory_are_statuses(tmp_path: Path) -> None:
-    code = _code()
-    assert code == _code()
+    code = _code(0)
+    assert code == _code(1)
     (tmp_path / 'sums.a').write_bytes(code)
     (tmp_path / 'main.c').write_text(PROGRAM, encoding='utf-8')
     command = 'cc -g -fsanitize=address,undefined -o main main.c sums.a -lpthread'
