@@ -37,7 +37,7 @@ from masmc_ros.errors import InputError
 from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.parameter_record import record_of
-from masmc_ros.messages.string_message import text_of
+from masmc_ros.messages.std_msgs import text_of
 from masmc_ros.nodes.middleware.transport import prepare_transport
 import rclpy
 from rclpy.context import Context

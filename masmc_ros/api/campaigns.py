@@ -10,8 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 import warnings
 
-from masmc_ros.api.scenario import load, Scenario
-from masmc_ros.api.settings import whole
+from masmc_ros.api.scenario import load, Scenario, whole
 from masmc_ros.campaign.axes import axis
 from masmc_ros.campaign.campaign import Campaign, campaign_of
 from masmc_ros.campaign.draws import draw as parsed_draw

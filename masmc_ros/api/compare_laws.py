@@ -8,8 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from masmc_ros.api.scenario import load, Scenario
-from masmc_ros.api.settings import whole
+from masmc_ros.api.scenario import load, Scenario, whole
 from masmc_ros.compare.foreign import Controller
 from masmc_ros.compare.law_comparison import comparison_of
 from masmc_ros.compare.ranking import compared

@@ -17,8 +17,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from masmc_ros.aliases import Array, Flags
-from masmc_ros.api.scenario import load, Scenario
-from masmc_ros.api.settings import whole
+from masmc_ros.api.scenario import load, Scenario, whole
 from masmc_ros.campaign.campaign import Campaign, campaign_of, MOST_RUNS
 from masmc_ros.campaign.draws import draw as parsed_draw
 from masmc_ros.campaign.part import metric_columns

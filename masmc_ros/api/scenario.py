@@ -12,11 +12,67 @@ import os
 from pathlib import Path
 import shlex
 
-from masmc_ros.api.settings import settings_of
+from masmc_ros.errors import InputError
 from masmc_ros.params.declaration import Values
+from masmc_ros.params.text import yaml_text
+from masmc_ros.robot.declaration import Mechanism
+from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.robot.robot import Robot, robot_of
-from masmc_ros.scenario.scenario import load_scenario
+from masmc_ros.scenario.node_parameters import declared, shared
+from masmc_ros.scenario.scenario import load_scenario, source_of
 from masmc_ros.share import scenario_file
+import numpy as np
+
+_NODES = ('controller', 'plant', 'trajectory')
+
+
+def settings_of(
+    file: str, settings: Values | None, values: Values
+) -> list[str]:
+    """
+    Return values of the Python interface as texts NAME=VALUE of `--set`.
+
+    Parameters
+    ----------
+    file
+        Parameter file, whose robot determines the known names.
+    settings
+        Values by full name, as in `--set`.
+    values
+        Values by the name of the parameter without its node, with two underscores for a dot.
+
+    Raises
+    ------
+    InputError
+        if a short name belongs to several nodes.
+
+    """
+    of_robot = {n.replace('__', '.'): v for n, v in values.items() if n.startswith('robot__')}
+    stated = [f'{n}={yaml_text(v)}' for n, v in {**(settings or {}), **of_robot}.items()]
+    plant = source_of(file, stated).file.for_node('plant')
+    mechanism = mechanism_from({**plant, **(settings or {})})
+    named = {_full_name(name.replace('__', '.'), mechanism): v for name, v in values.items()}
+    return [f'{name}={yaml_text(value)}' for name, value in {**(settings or {}), **named}.items()]
+
+
+def whole(name: str, value: object, least: int = 0) -> int:
+    """Return the value of an argument; InputError if it is no whole number >= `least`."""
+    if isinstance(value, int | np.integer) and not isinstance(value, bool):
+        number = int(value)
+        if number >= least:
+            return number
+    raise InputError(f'{name} = {value!r}: expected a whole number >= {least}')
+
+
+def _full_name(name: str, mechanism: Mechanism) -> str:
+    """Return the name with its node; a shared or unknown one unchanged."""
+    if any(parameter.name == name for parameter in shared(mechanism)):
+        return name
+    nodes = [node for node in _NODES if any(p.name == name for p in declared(node, mechanism))]
+    if len(nodes) > 1:
+        full = ' or '.join(f"'{node}.{name}'" for node in nodes)
+        raise InputError(f'{name}: a parameter of several nodes; expected settings with {full}')
+    return f'{nodes[0]}.{name}' if nodes else name
 
 
 @dataclass(frozen=True, repr=False)

@@ -9,8 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from masmc_ros.api.scenario import load, Scenario
-from masmc_ros.api.settings import whole
+from masmc_ros.api.scenario import load, Scenario, whole
 from masmc_ros.campaign.campaign import campaign_of
 from masmc_ros.campaign.draws import draw as parsed_draw
 from masmc_ros.campaign.part import CPU

@@ -1,7 +1,12 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Received states of the robot: their order, repetition and lateness, and their timeout."""
+"""
+Received states of the robot: their order, repetition, lateness and timeout.
+
+`StateSources` detects usable states from two robots, `StateLateness` the age of each state
+compared with the mean.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +14,119 @@ from dataclasses import dataclass
 import math
 
 from masmc_ros.aliases import Array
-from masmc_ros.control.state_lateness import StateLateness
+from masmc_ros.law.parts.delay_fields import LONGEST
+from masmc_ros.loop.controller import Controller
 from masmc_ros.messages.stamp_order import Order, StampOrder
 import numpy as np
+
+_STEP = 0.02
+"""Change of a position in rad or m between two states, beyond its velocity, that is a jump."""
+
+_SPEEDS = 3.0
+"""Multiple of the velocities in both states that a position may change at."""
+
+_LONGEST = 0.2
+"""Longest time in s between two states whose change is explained by velocities."""
+
+_WINDOW = 1.0
+"""Time in s in which two jumps show two sources: one jump is a restart or a localisation."""
+
+_QUIET = 3.0
+"""Time in s without a jump after which one source remains."""
+
+
+class StateSources:
+    """
+    Comparison of successive states while more than one node publishes them.
+
+    The graph alone is no evidence. A killed node stays listed for up to 20 s, and the driver of
+    a gripper publishes joints that no usable state consists of. States of two robots alternate:
+    their positions jump there and back.
+
+    Attributes
+    ----------
+    are_mixed
+        True while the states come from two robots.
+
+    """
+
+    def __init__(self, positions: int) -> None:
+        """Initialise for states with a number of positions."""
+        self.are_mixed = False
+        self._position, self._velocity = np.zeros((2, positions))
+        self._stamp: int | None = None
+        self._jump = -np.inf
+
+    def restart(self) -> None:
+        """Forget all states: one node publishes them."""
+        self.are_mixed, self._stamp, self._jump = False, None, -np.inf
+
+    def add(self, stamp: int, position: Array, velocity: Array, now: float) -> None:
+        """Compare a usable state (stamp in ns) that arrived at `now` in s with the previous."""
+        if self._stamp is not None:
+            time = min(1e-9 * abs(stamp - self._stamp), _LONGEST)
+            speed = np.maximum(np.abs(velocity), np.abs(self._velocity))
+            allowed = _STEP + _SPEEDS * time * speed
+            if (np.abs(position - self._position) > allowed).any():
+                self.are_mixed |= now - self._jump <= _WINDOW
+                self._jump = now
+        self._stamp = stamp
+        self._position[:], self._velocity[:] = position, velocity
+        self.are_mixed &= now - self._jump <= _QUIET
+
+
+_MEMORY = 1000
+"""Number of states after which the weight of a state in the mean has fallen to 1/e."""
+
+
+class StateLateness:
+    """
+    Difference of the age of each state to the mean age.
+
+    A constant difference between the clocks of sender and receiver has no effect.
+    """
+
+    def __init__(self) -> None:
+        """Initialise without a state."""
+        self._origin, self._mean, self._count = 0, 0.0, 0
+
+    def restart(self) -> None:
+        """Restart the mean, because the clock of the stamps may have been set."""
+        self._count = 0
+
+    def add(self, stamp: int, now: float) -> float:
+        """Return by how much a state (stamp in ns) is later than usual at a time, both in s."""
+        difference = round(1e9 * now) - stamp
+        if self._count == 0:
+            self._origin, self._mean = difference, 0.0
+        self._count = min(self._count + 1, _MEMORY)
+        age = 1e-9 * (difference - self._origin)
+        self._mean += (age - self._mean) / self._count
+        return age - self._mean
+
+
+def outdated_latency(controller: Controller, age: float) -> str:
+    """
+    Return a warning if states are older than `latency`, '' otherwise.
+
+    Parameters
+    ----------
+    controller
+        Controller with its parameters.
+    age
+        Mean age of the states in s when their commands are sent, by their stamps. The age
+        is a part of the latency, so it is a lower bound. A negative age shows that the sender has
+        another clock.
+
+    """
+    latency, total = controller.values['latency'], age + controller.stamp_age
+    if controller.commands_rates or not latency + controller.period < total < LONGEST:
+        return ''
+    return (
+        f'latency = {latency:g}: the states are {1e3 * total:.1f} ms old when they are answered; '
+        f'expected at least {total:.4f}, and the delay of the drives in addition'
+    )
+
 
 SECOND_LOOK = 0.01
 """Time in s after which a missing state is confirmed; this process may have been late."""

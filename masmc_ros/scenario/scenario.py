@@ -25,11 +25,11 @@ from masmc_ros.params.declaration import check_all, MutableValues, Parameter, Va
 from masmc_ros.params.file import (
     content_of,
     is_urdf,
+    node_values,
     ParameterFile,
     parse_value,
     parsed,
 )
-from masmc_ros.params.precedence import node_values
 from masmc_ros.params.values import FileValue
 from masmc_ros.reference.sampled_trajectory import PATH_RECEIVED, SampledTrajectory
 from masmc_ros.robot.declaration import Mechanism

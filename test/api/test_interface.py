@@ -19,7 +19,7 @@ from typing import Any
 from helpers.campaigns import PAPER
 from helpers.small_tree import hand_at_start, write_scenario
 import masmc_ros as masmc
-from masmc_ros.api.settings import settings_of
+from masmc_ros.api.scenario import settings_of
 from masmc_ros.campaign.runs import WORTH_LANES
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError

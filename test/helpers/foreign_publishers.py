@@ -21,7 +21,7 @@ from masmc_ros.messages.names import (
     telemetry_topic,
 )
 from masmc_ros.messages.reference_window import ReferenceWindow
-from masmc_ros.messages.string_message import string_message
+from masmc_ros.messages.std_msgs import string_message
 from masmc_ros.messages.telemetry import TelemetryCdr
 from masmc_ros.messages.topics import SYSTEM_TOPICS, TOPICS
 from masmc_ros.messages.transforms import TransformsCdr

@@ -19,7 +19,7 @@ from masmc_ros.messages.commands import ARM_VELOCITY, ArmVelocityCdr, LabelledCd
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.parameter_record import ParameterRecord
 from masmc_ros.messages.platform_messages import TwistCdr, TwistStampedCdr
-from masmc_ros.messages.string_message import string_message
+from masmc_ros.messages.std_msgs import string_message
 from masmc_ros.messages.topics import FLOAT_ARRAY, TWIST, TWIST_STAMPED
 from masmc_ros.robot.joint_names import joint_names_of
 from masmc_ros.robot.mechanisms import mechanism_from

@@ -22,7 +22,7 @@ from masmc_ros.messages.names import CONTACT_LABEL, JOINTS
 from masmc_ros.messages.parameter_record import ParameterRecord
 from masmc_ros.messages.platform_messages import OdometryCdr
 from masmc_ros.messages.reference_window import ReferenceWindow
-from masmc_ros.messages.string_message import string_message
+from masmc_ros.messages.std_msgs import string_message
 from masmc_ros.messages.telemetry import telemetry_messages
 from masmc_ros.messages.topics import ODOMETRY, STRING
 from masmc_ros.report.measure.metrics import metrics

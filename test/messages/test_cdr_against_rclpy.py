@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from masmc_ros.messages.cdr_layout import Layout
 from masmc_ros.messages.commands import ARM_VELOCITY, ArmVelocityCdr, EFFORT, EffortCdr
 from masmc_ros.messages.joint_state import joint_state_layout, JointStateCdr
-from masmc_ros.messages.multi_array import multi_array_layout
 from masmc_ros.messages.names import DRIVEN_JOINTS, JOINTS, TELEMETRY
 from masmc_ros.messages.platform_messages import (
     odometry_layout,
@@ -26,6 +25,7 @@ from masmc_ros.messages.platform_messages import (
     TwistStampedCdr,
 )
 from masmc_ros.messages.reference_window import reference_layout, ReferenceWindow
+from masmc_ros.messages.std_msgs import multi_array_layout
 from masmc_ros.messages.telemetry import telemetry_layout, TelemetryCdr
 from nav_msgs.msg import Odometry
 import numpy as np

@@ -32,7 +32,7 @@ from masmc_ros.law.registry import LAWS
 from masmc_ros.loop.law_code import fitting
 from masmc_ros.messages.parameter_record import ParameterRecord, read_record
 from masmc_ros.messages.stamps import header_stamp
-from masmc_ros.messages.string_message import text_of
+from masmc_ros.messages.std_msgs import text_of
 from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.scenario.scenario import load_scenario
 import pytest

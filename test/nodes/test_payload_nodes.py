@@ -14,8 +14,7 @@ from masmc_ros.cli.main import main
 from masmc_ros.identification.live_payload import BlockBuffer, PayloadEstimator
 from masmc_ros.identification.nominal import nominal_of_run
 from masmc_ros.log.read.reader import read_run
-from masmc_ros.nodes.controller.background import Background
-from masmc_ros.nodes.controller.payload_output import PayloadOutput
+from masmc_ros.nodes.controller.live_identification import Background, PayloadOutput
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 import numpy as np

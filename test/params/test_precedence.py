@@ -12,8 +12,7 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 from masmc_ros.errors import InputError
-from masmc_ros.params.file import read
-from masmc_ros.params.precedence import node_values
+from masmc_ros.params.file import node_values, read
 from masmc_ros.scenario.scenario import load_scenario
 import pytest
 

@@ -15,9 +15,8 @@ from masmc_ros.cli.main import main
 from masmc_ros.log.read.reader import read_run, Run
 from masmc_ros.loop.signals import CONTACT
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.report.columns import table_of
 from masmc_ros.report.digest import digests_of
-from masmc_ros.report.export import write_export
+from masmc_ros.report.export import table_of, write_export
 from masmc_ros.report.measure.metrics import metrics
 from masmc_ros.report.measure.table import csv_table, markdown_table, text_table
 from masmc_ros.report.page.page import report_page

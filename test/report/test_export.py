@@ -19,8 +19,7 @@ from hypothesis.extra import numpy as hnp
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import read_run, Run
-from masmc_ros.report.columns import table_of
-from masmc_ros.report.export import FORMATS, write_export
+from masmc_ros.report.export import FORMATS, table_of, write_export
 import numpy as np
 from numpy.typing import NDArray
 import pytest

@@ -25,7 +25,7 @@ from masmc_ros.messages.commands import ARM_VELOCITY, EFFORT
 from masmc_ros.messages.joint_state import joint_state_layout
 from masmc_ros.messages.parameter_record import ParameterRecord
 from masmc_ros.messages.reference_window import ReferenceWindow
-from masmc_ros.messages.string_message import string_message
+from masmc_ros.messages.std_msgs import string_message
 from masmc_ros.messages.telemetry import telemetry_messages
 from masmc_ros.messages.transforms import transforms_messages
 from masmc_ros.params.declaration import Values

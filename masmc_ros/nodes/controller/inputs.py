@@ -10,7 +10,7 @@ import math
 import time
 
 from masmc_ros.aliases import Array
-from masmc_ros.control.state_sources import StateSources
+from masmc_ros.control.state_gate import StateSources
 from masmc_ros.errors import InputError
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES
 from masmc_ros.messages.cdr_layout import checked_stamp, UNREAD

@@ -45,11 +45,10 @@ from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.names import CONTROLLER_STATE_TOPIC, REFERENCE_TOPIC
 from masmc_ros.messages.parameter_record import record_of
 from masmc_ros.messages.reference_window import ReferenceWindow
-from masmc_ros.nodes.controller.background import Background
-from masmc_ros.nodes.controller.effort_latency import EffortEcho
 from masmc_ros.nodes.controller.health import ControllerHealth
 from masmc_ros.nodes.controller.inputs import ReferenceInput, StateInput
 from masmc_ros.nodes.controller.lifecycle_services import LifecycleServices
+from masmc_ros.nodes.controller.live_identification import Background, EffortEcho
 from masmc_ros.nodes.controller.output import (
     BaseOutput,
     CommandOutput,
@@ -83,7 +82,7 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
 if TYPE_CHECKING:
-    from masmc_ros.nodes.controller.payload_output import PayloadOutput
+    from masmc_ros.nodes.controller.live_identification import PayloadOutput
 
 _WATCH_PERIOD = 0.02
 """Time in s between two checks for missing states and for compiled laws."""
@@ -118,7 +117,7 @@ class ControllerNode(SuiteNode):
         self._payload: PayloadOutput | None = None
         if values['payload.estimation_time']:
             # Imported here: other controllers need no identification.
-            from masmc_ros.nodes.controller.payload_output import PayloadOutput
+            from masmc_ros.nodes.controller.live_identification import PayloadOutput
 
             self._payload = PayloadOutput(controller, values, self._background, self.log)
         self._performers: dict[type, Callable[[Any], None]] = {

@@ -21,7 +21,7 @@ from masmc_ros.messages.names import (
     DESCRIPTION_TOPIC,
 )
 from masmc_ros.messages.platform_messages import OdometryCdr, TimeCdr, TwistCdr
-from masmc_ros.messages.string_message import string_message
+from masmc_ros.messages.std_msgs import string_message
 from masmc_ros.messages.telemetry import TelemetryCdr
 from masmc_ros.messages.topics import TRANSFORMS, transforms_topic
 from masmc_ros.messages.transforms import TransformsCdr

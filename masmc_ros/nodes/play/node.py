@@ -28,7 +28,7 @@ from masmc_ros.messages.names import (
 )
 from masmc_ros.messages.parameter_record import ParameterRecord
 from masmc_ros.messages.path import path_points
-from masmc_ros.messages.string_message import text_of
+from masmc_ros.messages.std_msgs import text_of
 from masmc_ros.messages.telemetry import TelemetryCdr
 from masmc_ros.messages.topics import PARAMETER_NODES, parameters_topic
 from masmc_ros.nodes.middleware.messages import deserialized

@@ -6,7 +6,7 @@ Parameters of a ROS command line: files, and settings that replace their values.
 
 rcl has other rules, which depend on the type of a value. For example, a number of one file
 survives an array of the next one. A block for the node in a file replaces an unprefixed
-`-p name:=value`. The nodes use the values of `CommandLine.for_node` (see `params/precedence.py`).
+`-p name:=value`. The nodes use the values of `CommandLine.for_node` (see `params/file.py`).
 """
 
 from __future__ import annotations
@@ -15,8 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from masmc_ros.errors import InputError
-from masmc_ros.params.file import ParameterFile, parse_value, read
-from masmc_ros.params.precedence import node_values, NodeValues
+from masmc_ros.params.file import node_values, NodeValues, ParameterFile, parse_value, read
 from masmc_ros.params.values import FileValue
 from masmc_ros.scenario.node_parameters import with_posture
 

@@ -35,7 +35,7 @@ from masmc_ros.messages.names import (
 )
 from masmc_ros.messages.parameter_record import record_of
 from masmc_ros.messages.stamps import stamp_reader
-from masmc_ros.messages.string_message import text_of
+from masmc_ros.messages.std_msgs import text_of
 from masmc_ros.messages.topics import (
     PARAMETER_NODES,
     parameters_topic,

@@ -1,23 +1,50 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Desired and actual paths in the plane: the paper's Figures 3 and 6."""
+"""Desired and actual paths in the plane, with the robot to scale: the paper's Figures 3 and 6."""
 
 from __future__ import annotations
 
+from typing import Any
+
 from masmc_ros.aliases import Array
 from masmc_ros.log.read.reader import Run
-from masmc_ros.report.draw.robot_drawing import draw_robot
-from masmc_ros.report.draw.style import caption, draw_line, GREY, mathtext, new_figure, PAGE
+from masmc_ros.report.draw.style import BLACK, caption, draw_line, GREY, mathtext, new_figure, PAGE
 from masmc_ros.report.measure.parameters import run_robot
 from masmc_ros.report.measure.tracking import Tracking
 from masmc_ros.report.panels import INK, path_panel
+from masmc_ros.robot.declaration import Outline
 from masmc_ros.robot.robot import Robot
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
 import numpy as np
 from numpy.typing import NDArray
+
+_AREAS = {'body': (GREY, 0.35), 'part': (BLACK, 1.0)}
+"""Colour and opacity of areas by their kind."""
+
+
+def draw_robot(axes: Axes, outline: Outline, opacity: float) -> None:
+    """Draw the robot at one position with an `opacity`."""
+    for shape in outline.shapes:
+        if shape.kind in _AREAS:
+            colour, strength = _AREAS[shape.kind]
+            axes.add_patch(
+                Polygon(
+                    shape.points,
+                    facecolor=colour,
+                    edgecolor='none',
+                    alpha=strength * opacity,
+                    zorder=1.5,
+                )
+            )
+        else:
+            style: dict[str, Any] = {'color': BLACK, 'alpha': opacity, 'zorder': 1.6}
+            axes.plot(*shape.points.T, linewidth=1.2, **style)
+            axes.plot(*shape.points[:-1].T, 'o', markersize=2.0, **style)
+
 
 _INSTANTS = 6
 _FLATTEST, _STEEPEST = 0.2, 0.8

@@ -24,7 +24,7 @@ from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.names import DRIVEN_JOINTS
 from masmc_ros.messages.parameter_record import read_record, record_of
 from masmc_ros.messages.stamps import stamp_reader
-from masmc_ros.messages.string_message import string_message
+from masmc_ros.messages.std_msgs import string_message
 from masmc_ros.messages.telemetry import TelemetryCdr
 from masmc_ros.messages.transforms import TransformsCdr
 from masmc_ros.nodes.middleware.raw_types import raw_class

@@ -1,14 +1,31 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Estimate of the payload: its computation, its topic, and its text on /diagnostics."""
+"""
+Payload and latency that the controller identifies while it runs, for /diagnostics.
+
+The computations run in a thread of their own (`Background`). The latency follows from the efforts
+in joint_states, which repeat the commands of many drives.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 import math
+from queue import SimpleQueue
+import sys
+from threading import Thread
 
 from geometry_msgs.msg import InertiaStamped
+from masmc_ros.aliases import Array
+from masmc_ros.identification.effort_echo import (
+    compile_echo,
+    echo_text,
+    EchoBuffer,
+    fit_echo,
+    wrong_latency,
+)
+from masmc_ros.identification.latency_fit import LatencyFit
 from masmc_ros.identification.live_payload import (
     Block,
     BlockBuffer,
@@ -21,12 +38,105 @@ from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES
 from masmc_ros.loop.controller import Controller
 from masmc_ros.messages.cdr_layout import NANOSECONDS
 from masmc_ros.messages.names import PAYLOAD_TOPIC
-from masmc_ros.nodes.controller.background import Background
 from masmc_ros.params.declaration import Values
 from rclpy.clock import Clock
 from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
 from rclpy.publisher import Publisher
+
+_MOST_WAITING = 20
+"""Computations that may wait; further ones are skipped."""
+
+_SWITCH_INTERVAL = 2e-4
+"""Time in s after which the thread gives way to a tick; 5 ms by default."""
+
+
+class Background:
+    """Thread that calls functions one after another."""
+
+    def __init__(self) -> None:
+        """Initialise without a thread; the first function starts it."""
+        self._calls: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
+        self._thread: Thread | None = None
+
+    def call(self, function: Callable[[], None]) -> bool:
+        """Call a function later; return False if too many are waiting."""
+        if self._calls.qsize() >= _MOST_WAITING:
+            return False
+        if self._thread is None:
+            sys.setswitchinterval(min(_SWITCH_INTERVAL, sys.getswitchinterval()))
+            self._thread = Thread(target=self._run, daemon=True)
+            self._thread.start()
+        self._calls.put(function)
+        return True
+
+    def close(self) -> None:
+        """Wait for the current functions, and end the thread."""
+        if self._thread is not None:
+            self._calls.put(None)
+            self._thread.join()
+
+    def _run(self) -> None:
+        while (function := self._calls.get()) is not None:
+            function()
+
+
+class EffortEcho:
+    """Comparison of the commands with the efforts; the computation has a separate thread."""
+
+    def __init__(self, controller: Controller, background: Background) -> None:
+        """Initialise without a state, and compile the comparison."""
+        self._controller, self._background = controller, background
+        self._torque, self._joints = controller.torque, len(controller.torque)
+        self._buffer: EchoBuffer | None = EchoBuffer(self._joints, controller.period)
+        if controller.commands_rates:
+            self._buffer = None
+        # Written by the thread as a whole, and read by the node.
+        self._timing: LatencyFit | None = None
+        compile_echo()
+
+    def watch(self, effort: Array) -> None:
+        """Set the array of the efforts in the last state, which has the driven joints last."""
+        self._effort = effort[-self._joints:]
+
+    def add(self, stamp: int) -> None:
+        """Add the answer to the last state, with its stamp in ns."""
+        if self._buffer is None:
+            return
+        part = self._buffer.add(stamp, self._effort, self._torque)
+        if part is not None:
+            self._background.call(lambda: self._compare(*part))
+
+    def figures(self) -> dict[str, str]:
+        """Return latency and motor lag for /diagnostics; nothing if the efforts are no echo."""
+        timing = self._total
+        return {} if timing is None else {'latency by effort (ms)': echo_text(timing)}
+
+    def warning(self) -> str:
+        """Return a warning about a wrong latency, else ''."""
+        values, timing = self._controller.values, self._total
+        if timing is None:
+            return ''
+        return wrong_latency(
+            timing, values['latency'], values['motor_lag'], self._controller.period
+        )
+
+    @property
+    def _total(self) -> LatencyFit | None:
+        """Return the latency from the measurement on, and not from its stamp."""
+        timing, age = self._timing, self._controller.stamp_age
+        if timing is None:
+            return None
+        latency, lag, total = timing
+        return LatencyFit(
+            latency._replace(value=latency.value + age),
+            lag,
+            total._replace(value=total.value + age),
+        )
+
+    def _compare(self, times: Array, effort: Array, torque: Array) -> None:
+        self._timing = fit_echo(times, effort, torque)
+
 
 _PERIOD = 0.5
 """Time in s between two checks for a new estimate."""
