@@ -267,6 +267,10 @@ def _read_csv(path: Path, place: str, mechanism: Mechanism) -> tuple[Array, bool
     columns, lacks_base = _selected(heads, place, mechanism)
     if not rest.strip():
         raise InputError(f'{place}: no points; expected a line for each point after the names')
+    for row, cells in enumerate(csv.reader(io.StringIO(rest), delimiter=separator), 2):
+        # Also of columns that are not used: a decimal comma shifts those behind it.
+        if len(cells) != len(heads) and any(map(str.strip, cells)):
+            raise InputError(f'{place}, line {row}: {len(cells)} fields; expected {len(heads)}')
     try:
         return np.loadtxt(
             io.StringIO(rest), delimiter=separator, usecols=columns, ndmin=2, comments=None,
@@ -284,10 +288,6 @@ def _wrong_line(
         for k in columns if cells else ():
             try:
                 float(cells[k])
-            except IndexError:
-                return InputError(
-                    f'{place}, line {row}: {len(cells)} fields; expected {len(heads)}'
-                )
             except ValueError:
                 return InputError(
                     f'{place}, line {row}: {heads[k].strip()} = {cells[k]!r}; expected a number'

@@ -153,6 +153,7 @@ REJECTED = {
     'accelerations without velocities': f'{HEAD},{",".join(CHANGES)}\n{ROW},0,0,0,0\n',
     "line 3: y_F_m = 'a'; expected a number": f'{HEAD}\n{ROW}\n1,0.3,0.5,0,a\n',
     'line 3: 4 fields; expected 5': f'{HEAD}\n{ROW}\n1,0.3,0.5,0\n',
+    'line 2: 6 fields; expected 5': f'{HEAD}\n0,3,0,5,0,0\n{ROW}\n',  # 0,3 with a decimal comma
     'point 2 has a number that is not finite': f'{HEAD}\n{ROW}\n1,0.3,nan,0,0\n',
     'point 2 at t = 0 s follows 0 s': f'{HEAD}\n{ROW}\n{ROW}\n',
     'no points': f'{HEAD}\n',
