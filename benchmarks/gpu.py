@@ -50,7 +50,7 @@ EFFECTS = (
 
 CAPABILITIES = (8, 0), (9, 0)
 
-FP64 = {(8, 0): 32, (9, 0): 64, (10, 0): 64}
+FP64: dict[tuple[int, ...], int] = {(8, 0): 32, (9, 0): 64, (10, 0): 64}
 """Double-precision operations per cycle of a multiprocessor, fused ones as one; others: 2."""
 
 _OPERATION = re.compile(r' = (?:fadd|fsub|fmul|fdiv|call .*@llvm\.sqrt\S*\() ?(?:<(\d+) x)?')
