@@ -217,13 +217,19 @@ def rates(accelerator: Accelerator, scale: float) -> Iterator[str]:
         rate = batches * size / sum(spent)
         share = ''
         if isinstance(accelerator, Cuda):
-            part = rate * operations * seconds / 20.0 / accelerator.operations_per_second(FP64)
+            part = rate * operations * seconds / 20.0 / double_precision_rate(accelerator)
             share = f', {100.0 * part:.1f} % of the double-precision rate'
         yield (
             f'{batches * size} runs of {seconds:g} s: {rate:.0f} runs/s on the device{share}; '
             f'preparation {1e6 * prepared:.0f} us of a processor a run'
         )
     accelerator.functions = functions
+
+
+def double_precision_rate(card: Cuda) -> float:
+    """Return the double-precision operations per second of a card."""
+    cycles = 1e3 * card.attribute('CLOCK_RATE') * card.attribute('MULTIPROCESSOR_COUNT')
+    return cycles * FP64.get(card.capability, 2)
 
 
 def main(arguments: list[str]) -> int:

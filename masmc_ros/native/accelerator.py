@@ -9,7 +9,7 @@ Both run the code of `native.gpu_code`, so batches, transfers and errors are the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 import ctypes
 import re
@@ -121,6 +121,8 @@ class Cuda(_Functions):
         Name for messages.
     most_runs
         Number of runs that fill the device, and with which a batch has little start-up.
+    capability
+        Compute capability, such as (9, 0).
     lock
         Lock of the device.
     functions
@@ -156,19 +158,13 @@ class Cuda(_Functions):
             raise InputError(f'{place}: expected a number below {count}, the number of cards')
         self._device = self._call('cuDeviceGet', number)
         self.name = self._call('cuDeviceGetName', 256, self._device).split(b'\0')[0].decode()
-        self._capability = tuple(
-            self._attribute(f'COMPUTE_CAPABILITY_{part}') for part in ('MAJOR', 'MINOR')
-        )
-        self._processors = self._attribute('MULTIPROCESSOR_COUNT')
-        self.most_runs = self._processors * 4 * _THREADS
+        parts = 'MAJOR', 'MINOR'
+        self.capability = tuple(self.attribute(f'COMPUTE_CAPABILITY_{part}') for part in parts)
+        self.most_runs = self.attribute('MULTIPROCESSOR_COUNT') * 4 * _THREADS
         self._context = self._call('cuDevicePrimaryCtxRetain', self._device)
 
-    def operations_per_second(self, rates: Mapping[tuple[int, ...], int]) -> float:
-        """Return the double-precision rate, from that of a multiprocessor and cycle; others 2."""
-        clock = self._attribute('CLOCK_RATE')
-        return 1e3 * float(clock * self._processors * rates.get(self._capability, 2))
-
-    def _attribute(self, name: str) -> int:
+    def attribute(self, name: str) -> int:
+        """Return an attribute of the card, such as `CLOCK_RATE` in kHz."""
         attribute = getattr(self._driver.CUdevice_attribute, f'CU_DEVICE_ATTRIBUTE_{name}')
         return int(self._call('cuDeviceGetAttribute', attribute, self._device))
 
@@ -196,7 +192,7 @@ class Cuda(_Functions):
         It takes the number of threads and the further arguments of a thread, each of 8 bytes, and
         returns after the last thread.
         """
-        text = np.frombuffer(ptx(code, self._capability).encode() + b'\0', np.uint8)
+        text = np.frombuffer(ptx(code, self.capability).encode() + b'\0', np.uint8)
         module = self._call('cuModuleLoadData', text.ctypes.data)
         kernel = self._call('cuModuleGetFunction', module, KERNEL.encode())
 
@@ -216,7 +212,8 @@ class Cuda(_Functions):
         return int(address)
 
     def release(self, address: int) -> None:
-        """Release memory by `allocate`."""
+        """Release memory by `allocate`, in any thread."""
+        self.enter()
         self._call('cuMemFree', address)
 
     def upload(self, address: int, values: AnyArray) -> None:

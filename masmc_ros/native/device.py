@@ -6,8 +6,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
 from functools import lru_cache, partial
+from itertools import accumulate
 from typing import Any
 import weakref
 
@@ -45,14 +45,9 @@ class DeviceRuns:
     """
 
     def __init__(
-        self,
-        device: Accelerator,
-        records: Mapping[str, Records],
-        line: tuple[int, int, int],
-        constants: Sequence[AnyArray],
-        window: tuple[int, int],
-        staged: int = 0,
-    ) -> None:
+        self, device: Accelerator, records: Mapping[str, Records], line: tuple[int, int, int],
+        constants: Sequence[AnyArray], window: tuple[int, int], staged: int = 0,
+    ) -> None:  # fmt: skip
         """
         Initialise runs that have not started.
 
@@ -79,30 +74,23 @@ class DeviceRuns:
             If the law cannot leave Python.
 
         """
-        self._device, self.lanes, self._window = device, line[2], window
+        self._device, self.lanes = device, line[2]
         self._records = {name: _of_one_lane(record) for name, record in records.items()}
         self._places, words = places_of(self._records)
         self._launch = _loaded(device, self._records)
+        shared = [staged * words, *(values.size for values in constants)]
         sizes = [words, line[0] * line[1], 1, 1]
-        free = device.free_memory() - WORD * staged * words
-        most = (free - sum(values.nbytes for values in constants)) // (WORD * sum(sizes))
+        most = (device.free_memory() // WORD - sum(shared)) // sum(sizes)
         if most < self.lanes:
             raise DeviceMemoryError(most)
-        with ExitStack() as stack:
-
-            def allocated(size: int, values: AnyArray | None = None) -> int:
-                address = device.allocate(size)
-                stack.callback(device.release, address)
-                if values is not None:
-                    device.upload(address, np.ascontiguousarray(values))
-                return address
-
-            self._sizes = [WORD * size * self.lanes for size in sizes]
-            self._words, self._line, self._numbers, self._ticks = map(allocated, self._sizes)
-            self._staged = allocated(WORD * staged * words) if staged else self._words
-            addresses = [allocated(values.nbytes, values) for values in constants]
-            stack.callback(device.enter)
-            self.release = weakref.finalize(self, stack.pop_all().close)
+        numbers = [*(size * self.lanes for size in sizes), *shared]
+        first = device.allocate(WORD * sum(numbers))
+        self.release = weakref.finalize(self, device.release, first)
+        places = accumulate((WORD * number for number in numbers[:-1]), initial=first)
+        self._words, self._line, self._numbers, self._ticks, own, *addresses = places
+        self._staged = own if staged else self._words
+        for address, values in zip(addresses, constants, strict=True):
+            device.upload(address, np.ascontiguousarray(values))
         self._further = self._line, line[0], *addresses, *window
 
     def start(self, records: Mapping[str, Records]) -> None:
@@ -159,17 +147,15 @@ class DeviceRuns:
         names = self._records['reduced'].dtype.names or ()
         return {name: self.read('reduced', name) for name in names}
 
-    def content(self) -> list[AnyArray]:
+    def content(self) -> AnyArray:
         """Return a copy of all records, and of the delay line."""
-        copies: list[AnyArray] = [np.empty(size, np.uint8) for size in self._sizes[:2]]
-        for address, values in zip((self._words, self._line), copies, strict=True):
-            self._device.download(address, values)
-        return copies
+        content = np.empty(self._numbers - self._words, np.uint8)
+        self._device.download(self._words, content)
+        return content
 
-    def restore(self, content: Sequence[AnyArray]) -> None:
+    def restore(self, content: AnyArray) -> None:
         """Continue from a `content` with the same number of runs and no longer delays."""
-        for address, values in zip((self._words, self._line), content, strict=False):
-            self._device.upload(address, values)
+        self._device.upload(self._words, content)
 
 
 class DeviceBatch(BatchRecords):
@@ -216,15 +202,9 @@ class DeviceRobots(DrivenRobots):
     """Driven robots on a device, one in each thread; its own records are those of one robot."""
 
     def __init__(
-        self,
-        open_device: Callable[[], Device],
-        scenario: Mapping[str, Values],
-        lanes: int,
-        *,
-        path: Array,
-        window: tuple[int, int],
-        settling: Array,
-    ) -> None:
+        self, open_device: Callable[[], Device], scenario: Mapping[str, Values], lanes: int, *,
+        path: Array, window: tuple[int, int], settling: Array,
+    ) -> None:  # fmt: skip
         """
         Initialise the robots, which have not started.
 
@@ -261,7 +241,7 @@ class DeviceRobots(DrivenRobots):
     def _device(self) -> Accelerator:
         return self._open().accelerator
 
-    def _opened(self, content: Sequence[AnyArray] = ()) -> DeviceRuns:
+    def _opened(self, content: AnyArray | None = None) -> DeviceRuns:
         """Return the memory of all robots, with a `DeviceRuns.content`."""
         lanes, line = len(self.tick), (*self._delayed.shape[:2], len(self.tick))
         constants = self._path, self._points, self._settling
@@ -273,7 +253,8 @@ class DeviceRobots(DrivenRobots):
                     f'{lanes} robots: device {device.name} has free memory for '
                     f'{max(0, *error.args)}; expected at most this number'
                 ) from None
-            runs.restore(content)
+            if content is not None:
+                runs.restore(content)
         return runs
 
     def start(self, runs: Mapping[int, Mapping[str, Values]]) -> None:

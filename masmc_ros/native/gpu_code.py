@@ -41,7 +41,9 @@ KERNEL, THREAD = 'masmc_kernel', 'masmc_thread'
 CONSTANT = 2
 """Number of records, the first ones, that ticks only read."""
 
-_FUSED = re.compile(r'\bfma\.|\bmad\.rn|\b(?:add|sub|mul|div|sqrt)\.(?:f64|approx|full)')
+_REJECTED = re.compile(
+    r'\bfma\.|\bmad\.rn|\b(?:add|sub|mul|div|sqrt)\.(?:f64|approx|full)|\.extern .*'
+)
 
 
 def places_of(records: Mapping[str, Records]) -> tuple[dict[str, int], int]:
@@ -124,12 +126,11 @@ def ptx(code: str, capability: tuple[int, ...]) -> str:
 
 def check_ptx(text: str) -> None:
     """Raise InputError for a fused or inexact operation, or a symbol of another file."""
-    for pattern, expected in (
-        (_FUSED, 'operations with the rounding of IEEE 754'),
-        (re.compile(r'\.extern .*'), 'code without further symbols'),
-    ):
-        if found := pattern.search(text):
-            raise InputError(f"code for the GPU contains '{found.group()}'; expected {expected}")
+    if found := _REJECTED.search(text):
+        raise InputError(
+            f"code for the GPU contains '{found.group()}'; expected operations with the rounding "
+            'of IEEE 754, and no further symbols'
+        )
 
 
 def _functions(records: Mapping[str, Records], desired: int) -> dict[str, Entry]:
