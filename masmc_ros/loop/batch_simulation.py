@@ -38,10 +38,9 @@ from masmc_ros.loop.reduction import axes_of_points, reduced_signals
 from masmc_ros.loop.simulated_robot import (
     delay_line,
     has_effects,
-    names_of_columns,
     stamp_age,
     write_plant,
-    write_robots,
+    write_plants,
     write_start,
 )
 from masmc_ros.loop.timing import Timing
@@ -144,39 +143,27 @@ class BatchRecords:
         )
         self._state = records.plant_memory(mechanism, lanes)
         self._now = records.signals(mechanism, lanes)
-        self._of_first = ValuesOfFirst()
-        self._write_plant(first, None)
-        self._write_control(first, read, None)
-        quick, base = dict[int, Values](), first['plant']
-        names, written = names_of_columns(mechanism, base), set[str]()
-        for lane, run in enumerate(runs[1:], start=1):
-            plant = run['plant']
-            # Equal numbers may have different bits: 0 and -0.
-            others = {name for name, value in plant.items() if value is not base[name]}
-            is_other_control = run['controller'] is not control and run['controller'] != control
-            if others <= names and not is_other_control:
-                quick[lane] = plant
-                written |= others
-            elif others:
-                self._write_plant(run, lane)
-            if is_other_control or (compensated and others):
-                self._write_control(run, read, lane)
-        write_robots(self._plant, self._state, mechanism, quick, written)
-        self._law, self._control = law, control
-
-    def _write_plant(self, run: Mapping[str, Values], lane: int | None) -> None:
-        """Write the plant of a run into a lane; None: into all lanes."""
-        plant = run['plant']
-        if plant['physics'] != RIGID:
+        base, period, write = first['plant'], self.timing.period, ValuesOfFirst().write
+        if base['physics'] != RIGID:
             raise InputError(
-                f'plant.physics = {plant["physics"]}: expected {RIGID} for runs in one batch; '
+                f'plant.physics = {base["physics"]}: expected {RIGID} for runs in one batch; '
                 'masmc simulate computes single runs with other physics'
             )
-        check_agreement(plant, run['controller'])
-        robot = robot_of(plant)
-        write = self._of_first.write
-        write_plant(self._plant, robot, self.timing.period, plant, lane, write)
-        write_start(self._state, robot, plant, lane, write)
+        write_plant(self._plant, robot, period, base, None, write)
+        write_start(self._state, robot, base, None, write)
+        check_agreement(base, control)
+        self._write_control(first, read, None)
+        others = dict(enumerate(runs[1:], start=1))
+        plants = {lane: run['plant'] for lane, run in others.items()}
+        alone = write_plants(self._plant, self._state, plants, base, period, write)
+        for lane, run in others.items():
+            is_other = run['controller'] is not control and run['controller'] != control
+            if is_other or lane in alone:
+                check_agreement(run['plant'], run['controller'])
+            is_later = run['plant']['measurement_delay'] != base['measurement_delay']
+            if is_other or (compensated and is_later):
+                self._write_control(run, read, lane)
+        self._law, self._control = law, control
 
     def _write_control(
         self,

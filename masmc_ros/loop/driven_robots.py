@@ -130,7 +130,8 @@ class DrivenRobots:
         for before, record in zip(self._new, state, strict=True):
             if record is not delayed:
                 record[...] = before
-        write_starts(memory, runs)
+        for lane, run in runs.items():
+            write_start(memory, robot_of(run['plant']), run['plant'], lane)
         self._call(plant_start, self._plant, memory, delayed, signals)
         for lane in runs:
             if not _is_finite(signals, lane):
@@ -213,12 +214,6 @@ class DrivenRobots:
         if kernel not in self._bound:
             self._bound[kernel] = bound(kernel, *arguments)
         self._bound[kernel](*arguments)
-
-
-def write_starts(memory: Records, runs: Mapping[int, Mapping[str, Values]]) -> None:
-    """Write the initial states of robots by lane into the memory of plants."""
-    for lane, run in runs.items():
-        write_start(memory, robot_of(run['plant']), run['plant'], lane)
 
 
 def _copy(state: State) -> State:

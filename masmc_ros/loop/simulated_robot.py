@@ -27,6 +27,7 @@ from masmc_ros.plant_model.drives import joint_inertias, lag_shares
 from masmc_ros.plant_model.elastic import LONGEST_STEP, natural_frequency
 from masmc_ros.plant_model.stiction import bristle_gains
 from masmc_ros.robot.declaration import Mechanism
+from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.robot.robot import Robot, robot_of, robot_with
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -330,41 +331,69 @@ def write_plant(
     write(settings, 'bristle_damping', gains[:, 1], lane)
 
 
-def names_of_columns(mechanism: Mechanism, values: Values) -> frozenset[str]:
-    """Return the parameters of a plant in which `write_robots` lets other plants differ."""
+def write_plants(
+    settings: Records,
+    memory: Records,
+    plants: Mapping[int, Values],
+    base: Values,
+    period: float,
+    write: Write = fill,
+) -> Set[int]:
+    """
+    Write plants into lanes that have the values of another plant.
+
+    Those that differ in few parameters, as mostly in campaigns, are written all at once.
+    Return the lanes of the others.
+
+    Parameters
+    ----------
+    settings, memory
+        Records of plants.
+    plants
+        Checked values of `parameters` by lane.
+    base
+        Values of the other plant.
+    period
+        Control period in s.
+    write
+        See `Write`.
+
+    """
+    mechanism = mechanism_from(base)
+    names, quick, written = _names_of_columns(mechanism, base), dict[int, Values](), set[str]()
+    for lane, plant in plants.items():
+        # Equal numbers may have different bits: 0 and -0.
+        others = {name for name, value in plant.items() if value is not base[name]}
+        if others <= names:
+            quick[lane] = plant
+            written |= others
+        else:
+            robot = robot_of(plant)
+            write_plant(settings, robot, period, plant, lane, write)
+            write_start(memory, robot, plant, lane, write)
+    if written:
+        _write_columns(settings, memory, mechanism, quick, written)
+    return plants.keys() - quick.keys()
+
+
+def _names_of_columns(mechanism: Mechanism, values: Values) -> frozenset[str]:
+    """Return the parameters in which plants of `_write_columns` differ from one with values."""
     # Gains of bristles and rotors depend on the inertia.
-    if AT_RUN_TIME in mechanism.sizes or any(values['joint_stiffness']):
-        return frozenset()
-    if any(values['stiction.torque']):
+    has_gains = any((*values['joint_stiffness'], *values['stiction.torque']))
+    if AT_RUN_TIME in mechanism.sizes or has_gains:
         return frozenset()
     names = (parameter.name for parameter in mechanism.parameters)
     return frozenset({*names, *_COPIED, *_STARTS, PAYLOAD_MASS, 'initial_pose'})
 
 
-def write_robots(
+def _write_columns(
     settings: Records,
     memory: Records,
     mechanism: Mechanism,
     plants: Mapping[int, Values],
     names: Set[str],
 ) -> None:
-    """
-    Write plants whose lanes have the values of another plant, all lanes at once.
-
-    Parameters
-    ----------
-    settings, memory
-        Records with the values of the other plant.
-    mechanism
-        Type of all robots.
-    plants
-        Checked values of the plants by lane.
-    names
-        Parameters, among `names_of_columns`, that differ.
-
-    """
-    if not plants:
-        return
+    """Write plants by lane, whose parameters of these names differ from those of the lanes."""
     lanes = list(plants)
     robots = [robot_with(mechanism, values) for values in plants.values()]
     geometry = np.array([robot.geometry for robot in robots])

@@ -17,16 +17,22 @@ from masmc_ros.errors import InputError
 from masmc_ros.jit.record import AT_RUN_TIME, lanes_of
 from masmc_ros.law.command_interface import takes_rates
 from masmc_ros.loop.batch_simulation import BatchRecords, BLOCK
-from masmc_ros.loop.driven_robots import DrivenRobots, OF_STATE, write_starts
+from masmc_ros.loop.driven_robots import DrivenRobots, OF_STATE
 from masmc_ros.loop.plant_parameters import RIGID
 from masmc_ros.loop.reduction import axes_of_points, reduced_signals
-from masmc_ros.loop.simulated_robot import delay_line_shape, has_effects, NO_STATE
+from masmc_ros.loop.simulated_robot import (
+    delay_line_shape,
+    has_effects,
+    NO_STATE,
+    write_plants,
+)
 from masmc_ros.native.accelerator import Accelerator, DeviceMemoryError, named
 from masmc_ros.native.gpu_code import places_of, thread_code
 from masmc_ros.params.declaration import Values
 from masmc_ros.report.measure.metrics import Metrics
 from masmc_ros.report.measure.reduced import metrics_of_lane, ReducedWindow, SETTLING
 from masmc_ros.robot.mechanisms import mechanism_from
+from masmc_ros.robot.robot import robot_of
 import numpy as np
 from numpy.typing import NDArray
 
@@ -269,12 +275,14 @@ class DeviceRobots(DrivenRobots):
             self._scenario, len(runs), path=self._path, window=self._window,
             settling=self._settling,
         )  # fmt: skip
-        new._write_settings(dict(enumerate(runs)))
-        write_starts(new._memory, dict(enumerate(runs)))
+        plants = {place: run['plant'] for place, run in enumerate(runs)}
+        write_plants(new._plant, new._memory, plants, self._scenario['plant'], self._period)
+        lengths = [robot_of(run['controller']).geometry for run in runs]
+        new._nominal['geometry'][0] = np.transpose(lengths)
         form = self._plant.dtype, len(self._delayed)
         if any(has_effects(run['plant']) for run in runs):
             self._add_effects()
-        self._lengthen(len(new._delayed))
+        self._lengthen(delay_line_shape(new._plant, self.mechanism)[0])
         if form != (self._plant.dtype, len(self._delayed)):
             with self._device.entered():
                 content = self._runs.content()
