@@ -2,13 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Campaigns on a GPU: code of all laws, bits of all laws, and rates.
+Campaigns and episodes on a GPU: code of all laws, bits of all laws, and rates.
 
 usage: python -m benchmarks.gpu code | cuda | stand-in [--quick]
 
-`code` needs `ptxas` and no card: local memory, spills and operations of each law. `cuda` compares
-the rows of 1000 runs of each law with those of the processor, with noise, delays and losses. Then
-it measures rates. `stand-in` does the same without a card; --quick: few runs and laws.
+`code` needs `ptxas` and no card: local memory, spills and operations of each law. `cuda` measures
+rates of campaigns and of episodes. It compares the rows of 1000 runs of each law, with noise,
+delays and losses, and episodes with those of the processor; the status is 1 if a bit differs.
+`stand-in` does the same without a card; --quick: few runs and laws.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from typing import Any
 
 from benchmarks.campaign import campaign_of_robots
 import llvmlite.binding as llvm
+from masmc_ros.api.episodes import Episodes
 from masmc_ros.campaign.campaign import Campaign
 from masmc_ros.campaign.engine import carry_out
 from masmc_ros.campaign.part import Rows, rows
@@ -50,7 +52,7 @@ EFFECTS = (
 
 CAPABILITIES = (8, 0), (9, 0)
 
-FP64 = {(8, 0): 32, (9, 0): 64, (10, 0): 64}
+FP64: dict[tuple[int, ...], int] = {(8, 0): 32, (9, 0): 64, (10, 0): 64}
 """Double-precision operations per cycle of a multiprocessor, fused ones as one; others: 2."""
 
 _OPERATION = re.compile(r' = (?:fadd|fsub|fmul|fdiv|call .*@llvm\.sqrt\S*\() ?(?:<(\d+) x)?')
@@ -113,8 +115,9 @@ def digest(columns: Rows) -> str:
 
 
 def rows_here(law: str, runs: int) -> Rows:
-    """Return the rows of a law by this processor."""
+    """Return the rows of a law by this processor, and store its code for a card on the disk."""
     campaign = of_law(law, runs)
+    rows(campaign, 0, 1, device=Device(Kept()))
     # One by one: compiling the law for lanes takes longer than these runs.
     parts = [rows(campaign, first, 1) for first in range(runs)]
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
@@ -161,14 +164,14 @@ def bits(accelerator: Accelerator, laws: list[str], runs: int) -> Iterator[str]:
     with ProcessPoolExecutor(max(1, processors() - 1), mp_context=context) as pool:
         expected = {law: pool.submit(rows_here, law, runs) for law in laws}
         for law in laws:
-            start = time.perf_counter()
             try:
+                other = digest(expected[law].result())
+                start = time.perf_counter()
                 found = rows(of_law(law, runs), 0, runs, device=Device(accelerator))
             except InputError as error:
                 yield f'{law}: {error}'
                 continue
-            took = time.perf_counter() - start
-            one, other = digest(found), digest(expected[law].result())
+            took, one = time.perf_counter() - start, digest(found)
             lost = int(found['lost'].sum())
             result = 'equal' if one == other else 'DIFFERENT'
             yield f'{law}: {result}, {one} and {other}; {runs} runs, {lost} lost, {took:.1f} s'
@@ -217,7 +220,7 @@ def rates(accelerator: Accelerator, scale: float) -> Iterator[str]:
         rate = batches * size / sum(spent)
         share = ''
         if isinstance(accelerator, Cuda):
-            part = rate * operations * seconds / 20.0 / accelerator.operations_per_second(FP64)
+            part = rate * operations * seconds / 20.0 / double_precision_rate(accelerator)
             share = f', {100.0 * part:.1f} % of the double-precision rate'
         yield (
             f'{batches * size} runs of {seconds:g} s: {rate:.0f} runs/s on the device{share}; '
@@ -226,13 +229,49 @@ def rates(accelerator: Accelerator, scale: float) -> Iterator[str]:
     accelerator.functions = functions
 
 
+def episodes(name: str, scale: float) -> Iterator[str]:
+    """Yield whether episodes on a device are those of the processor, and their rates."""
+    options: dict[str, Any] = {
+        'draw': {'plant.robot.link_2_mass': 'uniform:0.642:1.498'}, 'duration': 0.5,
+        'settings': {'plant.velocity_noise': 0.002, 'plant.measurement_delay': 0.002},
+    }  # fmt: skip
+    digests = []
+    for place in ('cpu', name):
+        robots = Episodes(64, 'paper', device=place, **options)
+        robots.seed(0)
+        bits = sha256(robots.reset()[0].tobytes())
+        for torques in np.random.default_rng(0).uniform(-5.0, 5.0, (600, 64, 4)):
+            done = robots.step(torques)
+            for part in done[:4]:
+                bits.update(part.tobytes())
+        digests.append(bits.hexdigest()[:16])
+    result = 'equal' if digests[0] == digests[1] else 'DIFFERENT'
+    yield f'episodes: {result}, {digests[1]} and {digests[0]}; 64 robots, 600 steps'
+    for count in (1e3, 1e4, 1e5):
+        robots = Episodes(max(1, round(scale * count)), 'paper', device=name, **options)
+        robots.seed(0)
+        start = time.perf_counter()
+        robots.reset()
+        started, torques = time.perf_counter(), np.zeros((robots.count, 4))
+        for _ in range(100):
+            robots.step(torques)
+        rate = 100.0 * robots.count / (time.perf_counter() - started)
+        yield f'{robots.count} robots: {rate:.0f} steps/s, reset {started - start:.1f} s'
+
+
+def double_precision_rate(card: Cuda) -> float:
+    """Return the double-precision operations per second of a card."""
+    cycles = 1e3 * card.attribute('CLOCK_RATE') * card.attribute('MULTIPROCESSOR_COUNT')
+    return cycles * FP64.get(card.capability, 2)
+
+
 def main(arguments: list[str]) -> int:
     """Run the benchmark and return the exit status."""
     names = [name for name in arguments if name != '--quick']
     if len(names) != 1 or names[0] not in ('code', 'cuda', 'stand-in'):
         print(__doc__, file=sys.stderr)
         return 2
-    is_quick = '--quick' in arguments
+    start, is_quick = time.perf_counter(), '--quick' in arguments
     is_equal = True
     if names == ['code']:
         lines = code()
@@ -240,10 +279,13 @@ def main(arguments: list[str]) -> int:
         accelerator = named(names[0])
         print(accelerator.name, flush=True)
         laws, runs, scale = (['rasmc', 'pid'], 20, 1e-4) if is_quick else ([*LAWS], 1000, 1.0)
-        lines = chain(rates(accelerator, scale), bits(accelerator, laws, runs))
+        lines = chain(
+            rates(accelerator, scale), episodes(names[0], scale), bits(accelerator, laws, runs)
+        )
     for line in lines:
         print(line, flush=True)
         is_equal &= 'DIFFERENT' not in line
+    print(f'{time.perf_counter() - start:.0f} s in all', flush=True)
     return 0 if is_equal else 1
 
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 import math
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
@@ -20,7 +21,7 @@ from masmc_ros.aliases import Array, Flags
 from masmc_ros.api.scenario import load, Scenario, whole
 from masmc_ros.campaign.campaign import Campaign, campaign_of, MOST_RUNS
 from masmc_ros.campaign.draws import draw as parsed_draw
-from masmc_ros.campaign.part import metric_columns
+from masmc_ros.campaign.part import CPU, metric_columns
 from masmc_ros.campaign.runs import LANES
 from masmc_ros.campaign.variable import Variable
 from masmc_ros.errors import InputError
@@ -28,6 +29,7 @@ from masmc_ros.law.command_interface import by_velocity
 from masmc_ros.loop.driven_robots import DrivenRobots
 from masmc_ros.loop.plant_parameters import RIGID
 from masmc_ros.loop.timing import Timing
+from masmc_ros.native.device import device_option, DeviceRobots
 from masmc_ros.params.declaration import Values
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.report.measure.reduced import metrics_of_lane, ReducedWindow, SETTLING
@@ -127,6 +129,7 @@ class Episodes:
         torque_weight: float = Reward.torque_weight,
         error_limit: float = Reward.error_limit,
         max_episode_steps: int | None = None,
+        device: str = CPU,
         **values: object,
     ) -> None:
         """
@@ -149,11 +152,14 @@ class Episodes:
         max_episode_steps
             Steps after which an episode is truncated, without a row of metrics if the run is
             longer; None: the ticks of the run.
+        device
+            `cpu`, or `cuda` for a GPU.
 
         Raises
         ------
         InputError
-            if a name is unknown or a value out of range.
+            if a name is unknown or a value out of range, if the device is missing, or if its
+            memory does not suffice.
 
         """
         count = whole('num_envs', count, 1)
@@ -184,15 +190,12 @@ class Episodes:
         self._window = ReducedWindow.of(timing)
         path = Trajectory(base['trajectory'], timing.period, robot).sample(0, self.steps + 1)
         self.path = path
-        lanes = 1 if count == 1 else LANES
+        open_device = device_option(device)
+        of_block = partial(DeviceRobots, open_device) if open_device else DrivenRobots
+        lanes = count if open_device or count == 1 else LANES
+        window = self._window.first, self._window.after
         self._blocks = [
-            DrivenRobots(
-                base,
-                lanes,
-                path=path,
-                window=(self._window.first, self._window.after),
-                settling=SETTLING,
-            )
+            of_block(base, lanes, path=path, window=window, settling=SETTLING)
             for _ in range(-(-count // lanes))
         ]
         self._lanes = lanes
@@ -250,7 +253,7 @@ class Episodes:
         torque = np.clip(self._checked(actions), -self.action_limit, self.action_limit)
         starts = self._has_ended.copy()
         moves = ~starts
-        ticks = self._of_robots('tick')
+        ticks = np.concatenate([block.tick for block in self._blocks])[:self.count]
         for block, first in self._numbered_blocks():
             chosen = slice(first, first + self._lanes)
             if moves[chosen].any():
@@ -283,6 +286,10 @@ class Episodes:
     def signal(self, name: str) -> Array:
         """Return a signal of `loop.signals.SIGNALS` (robots, components) of the current ticks."""
         return self._of_robots('signals', name)
+
+    def close(self) -> None:
+        """Release the memory of the robots."""
+        self._blocks.clear()
 
     def robot(self, number: int) -> Robot:
         """Return a robot in its current episode."""
@@ -319,7 +326,7 @@ class Episodes:
     def _row(self, robot: int, *, is_lost: bool) -> dict[str, object]:
         """Return the row of a campaign for the episode that has ended."""
         block, lane = self._blocks[robot // self._lanes], robot % self._lanes
-        metrics = metrics_of_lane(block.reduced[0], lane, self._window, block.mechanism)
+        metrics = metrics_of_lane(block.reduction(), lane, self._window, block.mechanism)
         # They are not kept, because copies and other processes cannot have them.
         columns = metric_columns(block.mechanism)
         values: dict[str, float | None] = dict.fromkeys(column.name for column in columns)
@@ -349,11 +356,9 @@ class Episodes:
         ).all(axis=1)
         return finite
 
-    def _of_robots(self, record: str, field: str = '') -> NDArray[Any]:
-        """Return an array of all blocks as (robots, components), or (robots)."""
-        arrays = [getattr(block, record) for block in self._blocks]
-        if field:
-            arrays = [array[field][0].T for array in arrays]
+    def _of_robots(self, record: str, field: str) -> NDArray[Any]:
+        """Return a field of all blocks as (robots, components)."""
+        arrays = [block.values(record, field) for block in self._blocks]
         joined = arrays[0] if len(arrays) == 1 else np.concatenate(arrays)
         return joined[: self.count].copy()
 

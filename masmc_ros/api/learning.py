@@ -139,6 +139,7 @@ class MobileManipulator(Env[Array, Array]):
     def close(self) -> None:
         """End the use of the environment."""
         self._is_closed = True
+        self.episodes.close()
 
 
 class MobileManipulators(VectorEnv[Array, Array, AnyArray]):
@@ -218,6 +219,10 @@ class MobileManipulators(VectorEnv[Array, Array, AnyArray]):
         if not self.render_mode:
             return None
         return tuple(self._camera.picture(robot) for robot in range(self.num_envs))
+
+    def close_extras(self, **kwargs: object) -> None:
+        """Release the memory of the robots."""
+        self.episodes.close()
 
     def _mask(self, options: Mapping[str, object] | None) -> Flags | None:
         if not options or 'reset_mask' not in options:

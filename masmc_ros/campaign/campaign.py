@@ -99,6 +99,12 @@ class Campaign(Description):
         )
 
     @cached_property
+    def _written(self) -> frozenset[str]:
+        """Return the nodes whose values differ between runs; the others are shared."""
+        readers = (node for variable in self.variables for node in variable.readers)
+        return frozenset({'plant', *readers} & {*NODES})
+
+    @cached_property
     def notice(self) -> str:
         """Return a line on variables that prevent parallel runs; '' if there is none."""
         if self.lanes == 1 or self.scenario['plant']['physics'] != RIGID:
@@ -160,7 +166,9 @@ class Campaign(Description):
             yield self._run(number, repeat, values)
 
     def _run(self, number: int, repeat: int, values: Sequence[object]) -> Run:
-        scenario = {node: dict(self.scenario[node]) for node in NODES}
+        scenario = dict(self.scenario)
+        for node in self._written:
+            scenario[node] = dict(scenario[node])
         plant = scenario['plant']
         plant['seed'] = (plant['seed'] + repeat) % _SEEDS
         for variable, value in zip(self.variables, values, strict=True):

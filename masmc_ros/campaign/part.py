@@ -18,7 +18,7 @@ from masmc_ros.campaign.runs import Description, FEWEST_ALIKE, Run
 from masmc_ros.errors import InputError
 from masmc_ros.law import registry
 from masmc_ros.law.law import Law
-from masmc_ros.loop.batch_simulation import of_all_lanes
+from masmc_ros.loop.batch_simulation import keys_of
 from masmc_ros.loop.plant_parameters import RIGID
 from masmc_ros.params.declaration import Values
 from masmc_ros.report.measure.metrics import Metrics, Reached
@@ -154,8 +154,8 @@ def evaluated(
 
     """
     groups: dict[tuple[object, ...], list[int]] = {}
-    for place, run in enumerate(runs):
-        groups.setdefault(tuple(of_all_lanes(run.scenario).values()), []).append(place)
+    for place, key in enumerate(keys_of([run.scenario for run in runs])):
+        groups.setdefault(key, []).append(place)
     if device is not None:
         lanes = device.most_runs
     elif len(groups) > 1 and len(runs) < FEWEST_ALIKE * len(groups):

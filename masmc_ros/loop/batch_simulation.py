@@ -40,6 +40,7 @@ from masmc_ros.loop.simulated_robot import (
     has_effects,
     stamp_age,
     write_plant,
+    write_plants,
     write_start,
 )
 from masmc_ros.loop.timing import Timing
@@ -142,30 +143,27 @@ class BatchRecords:
         )
         self._state = records.plant_memory(mechanism, lanes)
         self._now = records.signals(mechanism, lanes)
-        self._of_first = ValuesOfFirst()
-        self._write_plant(first, None)
-        self._write_control(first, read, None)
-        for lane, run in enumerate(runs[1:], start=1):
-            is_other_plant = run['plant'] != first['plant']
-            if is_other_plant:
-                self._write_plant(run, lane)
-            if run['controller'] != control or (compensated and is_other_plant):
-                self._write_control(run, read, lane)
-        self._law, self._control = law, control
-
-    def _write_plant(self, run: Mapping[str, Values], lane: int | None) -> None:
-        """Write the plant of a run into a lane; None: into all lanes."""
-        plant = run['plant']
-        if plant['physics'] != RIGID:
+        base, period, write = first['plant'], self.timing.period, ValuesOfFirst().write
+        if base['physics'] != RIGID:
             raise InputError(
-                f'plant.physics = {plant["physics"]}: expected {RIGID} for runs in one batch; '
+                f'plant.physics = {base["physics"]}: expected {RIGID} for runs in one batch; '
                 'masmc simulate computes single runs with other physics'
             )
-        check_agreement(plant, run['controller'])
-        robot = robot_of(plant)
-        write = self._of_first.write
-        write_plant(self._plant, robot, self.timing.period, plant, lane, write)
-        write_start(self._state, robot, plant, lane, write)
+        write_plant(self._plant, robot, period, base, None, write)
+        write_start(self._state, robot, base, None, write)
+        check_agreement(base, control)
+        self._write_control(first, read, None)
+        others = dict(enumerate(runs[1:], start=1))
+        plants = {lane: run['plant'] for lane, run in others.items()}
+        alone = write_plants(self._plant, self._state, plants, base, period, write)
+        for lane, run in others.items():
+            is_other = run['controller'] is not control and run['controller'] != control
+            if is_other or lane in alone:
+                check_agreement(run['plant'], run['controller'])
+            is_later = run['plant']['measurement_delay'] != base['measurement_delay']
+            if is_other or (compensated and is_later):
+                self._write_control(run, read, lane)
+        self._law, self._control = law, control
 
     def _write_control(
         self,
@@ -377,12 +375,25 @@ def of_all_lanes(run: Mapping[str, Values]) -> MutableValues:
     return values | {'compensation of latency': records.is_compensated(run['controller'])}
 
 
+def keys_of(runs: Sequence[Mapping[str, Values]]) -> list[tuple[object, ...]]:
+    """Return the values of `of_all_lanes` for each run; runs mostly share their nodes."""
+    known: dict[tuple[object, ...], tuple[object, ...]] = {}
+    keys = []
+    for run in runs:
+        plant = run['plant']
+        shared = id(run['controller']), id(run['trajectory']), *map(plant.get, _OF_ALL['plant'])
+        if shared not in known:
+            known[shared] = tuple(of_all_lanes(run).values())
+        keys.append(known[shared])
+    return keys
+
+
 def _check_alike(runs: Sequence[Mapping[str, Values]]) -> None:
-    first = of_all_lanes(runs[0])
-    for run in runs[1:]:
-        for name, value in of_all_lanes(run).items():
-            if value != first[name]:
+    equal = of_all_lanes(runs[0])
+    for key in dict.fromkeys(keys_of(runs)):
+        for (name, expected), value in zip(equal.items(), key, strict=True):
+            if value != expected:
                 raise InputError(
-                    f'{name} = {value}: expected {first[name]}, as in the other runs that are '
+                    f'{name} = {value}: expected {expected}, as in the other runs that are '
                     'computed with it'
                 )

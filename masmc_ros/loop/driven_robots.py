@@ -14,13 +14,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from masmc_ros.aliases import Array, Flags, Function, Records
+from masmc_ros.aliases import AnyArray, Array, Flags, Function, Records
 from masmc_ros.errors import InputError
 from masmc_ros.jit.compiled import bound
-from masmc_ros.jit.record import copy_lane, fill, take_over
+from masmc_ros.jit.record import copy_lane, fill, lanes_of, take_over
 from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import plant_start, plant_tick, reduce_signals, track_reference
-from masmc_ros.loop.reduction import axes_of_points, reduced_signals
+from masmc_ros.loop.reduction import axes_of_points, reduced_signals, Reduction
 from masmc_ros.loop.simulated_robot import (
     delay_line,
     has_effects,
@@ -34,6 +34,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 State = tuple[NDArray[Any], ...]
+
+OF_STATE = ('position', 'velocity', 'true_position', 'true_velocity')
+"""Signals that are finite at the start."""
 
 
 class DrivenRobots:
@@ -119,16 +122,7 @@ class DrivenRobots:
             If there is no such robot, or its initial state is not finite.
 
         """
-        if any(has_effects(run['plant']) for run in runs.values()):
-            self._add_effects()
-        for lane, run in runs.items():
-            robot = robot_of(run['plant'])
-            write_plant(self._plant, robot, self._period, run['plant'], lane)
-            fill(self._nominal, 'geometry', robot_of(run['controller']).geometry, lane)
-            # Rows of delayed values are counted from the start, so a longer buffer keeps them.
-            missing = len(delay_line(self._plant, self.mechanism)) - len(self._delayed)
-            if missing > 0:
-                self._delayed = np.pad(self._delayed, ((0, missing), (0, 0), (0, 0)))
+        self._write_settings(runs)
         started = np.zeros(len(self.tick), bool)
         started[list(runs)] = True
         state = _copy(self._state)
@@ -146,13 +140,39 @@ class DrivenRobots:
         _copy_lanes(state, self._state, started)
         self.tick[started] = 0
 
+    def _write_settings(self, runs: Mapping[int, Mapping[str, Values]]) -> None:
+        """Write the settings of robots that start."""
+        if any(has_effects(run['plant']) for run in runs.values()):
+            self._add_effects()
+        for lane, run in runs.items():
+            robot = robot_of(run['plant'])
+            write_plant(self._plant, robot, self._period, run['plant'], lane)
+            fill(self._nominal, 'geometry', robot_of(run['controller']).geometry, lane)
+        self._lengthen(len(delay_line(self._plant, self.mechanism)))
+
+    def _lengthen(self, rows: int) -> None:
+        """Lengthen the buffer of delayed values to a number of rows."""
+        # Rows are counted from the start, so a longer buffer keeps them.
+        missing = rows - len(self._delayed)
+        if missing > 0:
+            self._delayed = np.pad(self._delayed, ((0, missing), (0, 0), (0, 0)))
+
     def _add_effects(self) -> None:
         """Select the code with effects of motors and joints for all lanes."""
-        plant = records.plant_settings(self.mechanism, len(self.tick), has_effects=True)
+        plant = records.plant_settings(self.mechanism, lanes_of(self._plant), has_effects=True)
         if plant.dtype != self._plant.dtype:
             take_over(plant, self._plant)
             self._plant = plant
             self._bound.clear()
+
+    def values(self, record: str, field: str) -> AnyArray:
+        """Return a field (lanes, components) of `signals`, `tracked` or `reduced`."""
+        values: AnyArray = getattr(self, record)[field][0].T
+        return values
+
+    def reduction(self) -> Reduction:
+        """Return the reduced signals (component, lane) by name."""
+        return self.reduced[0]
 
     def step(self, torque: Array, moves: Flags) -> None:
         """
@@ -209,5 +229,4 @@ def _copy_lanes(source: State, target: State, lanes: Flags) -> None:
 
 
 def _is_finite(signals: Records, lane: int) -> bool:
-    names = 'position', 'velocity', 'true_position', 'true_velocity'
-    return all(np.isfinite(signals[name][0, :, lane]).all() for name in names)
+    return all(np.isfinite(signals[name][0, :, lane]).all() for name in OF_STATE)

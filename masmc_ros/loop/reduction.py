@@ -10,7 +10,9 @@ order. `report.measure.metrics` adds in the same order, so both are bitwise iden
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 import math
+from typing import Any
 
 from masmc_ros.aliases import Array, Integers, Record
 from masmc_ros.jit.compiled import formula
@@ -35,6 +37,9 @@ REDUCED = (
     Field('lost_tick', description='First such tick; -1: none', kind='i8', initial=-1),
 )
 """Fields of the record of reduced signals."""
+
+Reduction = np.void | Mapping[str, NDArray[Any]]
+"""Reduced signals (component, lane) by name."""
 
 
 def reduced_signals(mechanism: Mechanism, lanes: int) -> NDArray[np.void]:

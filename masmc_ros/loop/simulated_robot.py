@@ -5,15 +5,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Set
 from decimal import Decimal
+from functools import lru_cache
 from importlib import import_module
 import math
 
-from masmc_ros.aliases import Records
+from masmc_ros.aliases import Array, Records
 from masmc_ros.errors import InputError
 from masmc_ros.jit.compiled import bound
-from masmc_ros.jit.record import fill
+from masmc_ros.jit.record import AT_RUN_TIME, fill
 from masmc_ros.law.command_interface import by_velocity, is_hybrid
 from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import plant_hold, plant_start, plant_tick
@@ -26,7 +27,8 @@ from masmc_ros.plant_model.drives import joint_inertias, lag_shares
 from masmc_ros.plant_model.elastic import LONGEST_STEP, natural_frequency
 from masmc_ros.plant_model.stiction import bristle_gains
 from masmc_ros.robot.declaration import Mechanism
-from masmc_ros.robot.robot import Robot, robot_of
+from masmc_ros.robot.mechanisms import mechanism_from
+from masmc_ros.robot.robot import Robot, robot_of, robot_with
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -46,6 +48,18 @@ _STILL = (
     'drive_integral', 'driven', 'target', 'motor', 'deflection', 'stiction', 'followed_rates'
 )  # fmt: skip
 """Fields of the memory that are zero at the start."""
+
+_COPIED = {
+    'disturbance.amplitude': 'amplitude', 'disturbance.frequency': 'frequency',
+    'disturbance.phase': 'phase', 'torque_limit': 'limit', 'torque_rate_limit': 'rate_limit',
+    'measurement_loss': 'measurement_loss', 'command_loss': 'command_loss', 'seed': 'seed',
+}  # fmt: skip
+"""Fields of the settings by the parameter of the plant that is their value."""
+
+_STARTS = {
+    'initial_velocity': ('rates', 'rotor_rates'), 'initial_joints': ('rotor_angles',),
+}  # fmt: skip
+"""Fields of the memory by the parameter of the plant that is their value at the start."""
 
 Write = Callable[[Records, str, ArrayLike, int | None], None]
 """Function that writes a value into a field of a record, in a lane or, without one, in all."""
@@ -276,11 +290,7 @@ def write_plant(
     for name, value in {
         'geometry': robot.geometry,
         'theta': _true_theta(robot, values),
-        'amplitude': values['disturbance.amplitude'],
-        'frequency': values['disturbance.frequency'],
-        'phase': values['disturbance.phase'],
-        'limit': values['torque_limit'],
-        'rate_limit': values['torque_rate_limit'],
+        **{field: values[parameter] for parameter, field in _COPIED.items()},
         'period': period,
         'steps': steps,
         'takes_rates': with_rates,
@@ -294,9 +304,6 @@ def write_plant(
         'delay_span': delay_span,
         'command_delay': command_delay,
         'command_delay_span': command_delay_span,
-        'measurement_loss': values['measurement_loss'],
-        'command_loss': values['command_loss'],
-        'seed': values['seed'],
         'bandwidth': bandwidth,
         'has_losses': _has_losses(values),
         'stiction': values['stiction.torque'],
@@ -307,8 +314,8 @@ def write_plant(
         'rotor_inertia': values['rotor_inertia'],
     }.items():
         write(settings, name, value, lane)
-    # Without a lane, all lanes have the same values.
-    inertias = joint_inertias(settings, np.array(values['initial_joints']), lane or 0)
+    angles, theta = np.array(values['initial_joints']), _true_theta(robot, values)
+    (inertias,) = _inertias(robot.mechanism, robot.geometry[None], theta[None], angles[None])
     write(settings, 'inertia', inertias, lane)
     step = period / steps
     _check_frequencies(values, robot.mechanism, inertias, step)
@@ -322,6 +329,99 @@ def write_plant(
     gains = np.array([bristle_gains(*joint, step) for joint in zip(*of_stiction, strict=True)])
     write(settings, 'bristle_stiffness', gains[:, 0], lane)
     write(settings, 'bristle_damping', gains[:, 1], lane)
+
+
+def write_plants(
+    settings: Records,
+    memory: Records,
+    plants: Mapping[int, Values],
+    base: Values,
+    period: float,
+    write: Write = fill,
+) -> Set[int]:
+    """
+    Write plants into lanes that have the values of another plant.
+
+    Those that differ in few parameters, as mostly in campaigns, are written all at once.
+    Return the lanes of the others.
+
+    Parameters
+    ----------
+    settings, memory
+        Records of plants.
+    plants
+        Checked values of `parameters` by lane.
+    base
+        Values of the other plant.
+    period
+        Control period in s.
+    write
+        See `Write`.
+
+    """
+    mechanism = mechanism_from(base)
+    names, quick, written = _names_of_columns(mechanism, base), dict[int, Values](), set[str]()
+    for lane, plant in plants.items():
+        # Equal numbers may have different bits: 0 and -0.
+        others = {name for name, value in plant.items() if value is not base[name]}
+        if others <= names:
+            quick[lane] = plant
+            written |= others
+        else:
+            robot = robot_of(plant)
+            write_plant(settings, robot, period, plant, lane, write)
+            write_start(memory, robot, plant, lane, write)
+    if written:
+        _write_columns(settings, memory, mechanism, quick, written)
+    return plants.keys() - quick.keys()
+
+
+def _names_of_columns(mechanism: Mechanism, values: Values) -> frozenset[str]:
+    """Return the parameters in which plants of `_write_columns` differ from one with values."""
+    # Gains of bristles and rotors depend on the inertia.
+    has_gains = any((*values['joint_stiffness'], *values['stiction.torque']))
+    if AT_RUN_TIME in mechanism.sizes or has_gains:
+        return frozenset()
+    names = (parameter.name for parameter in mechanism.parameters)
+    return frozenset({*names, *_COPIED, *_STARTS, PAYLOAD_MASS, 'initial_pose'})
+
+
+def _write_columns(
+    settings: Records,
+    memory: Records,
+    mechanism: Mechanism,
+    plants: Mapping[int, Values],
+    names: Set[str],
+) -> None:
+    """Write plants by lane, whose parameters of these names differ from those of the lanes."""
+    lanes = list(plants)
+    robots = [robot_with(mechanism, values) for values in plants.values()]
+    geometry = np.array([robot.geometry for robot in robots])
+    theta = np.array([_true_theta(*pair) for pair in zip(robots, plants.values(), strict=True)])
+    poses = [(values['initial_pose'], values['initial_joints']) for values in plants.values()]
+    angles = np.array([joints for _, joints in poses])
+    columns: dict[str, ArrayLike] = {'geometry': geometry, 'theta': theta}
+    columns['inertia'] = _inertias(mechanism, geometry, theta, angles)
+    starts = [robot.start(*pose) for robot, pose in zip(robots, poses, strict=True)]
+    memories: dict[str, ArrayLike] = {'position': starts}
+    for name in names & {*_COPIED, *_STARTS}:
+        column = np.array([values[name] for values in plants.values()])
+        if name in _COPIED:
+            columns[_COPIED[name]] = column
+        memories |= dict.fromkeys(_STARTS.get(name, ()), column)
+    for record, fields in ((settings, columns), (memory, memories)):
+        for field, values in fields.items():
+            record[field][0][..., lanes] = np.asarray(values).T
+
+
+def _inertias(mechanism: Mechanism, geometry: Array, theta: Array, angles: Array) -> Array:
+    """Return the inertias (n, joints) of robots; see `joint_inertias`."""
+    inertias: Array = joint_inertias(_plant_of_one(mechanism).copy(), geometry, theta, angles)
+    return inertias
+
+
+# The type has one lane, so the code does not depend on the number of lanes.
+_plant_of_one = lru_cache(maxsize=16)(records.plant_settings)
 
 
 def has_effects(values: Values) -> bool:
@@ -383,9 +483,7 @@ def write_start(
     """Write the initial state for checked values of `parameters` into a record; see `Write`."""
     for name, value in {
         'position': robot.start(values['initial_pose'], values['initial_joints']),
-        'rates': values['initial_velocity'],
-        'rotor_angles': values['initial_joints'],
-        'rotor_rates': values['initial_velocity'],
+        **{field: values[name] for name, fields in _STARTS.items() for field in fields},
         **dict.fromkeys(_STILL, 0.0),
         'acting': 0,
     }.items():

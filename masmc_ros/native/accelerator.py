@@ -9,12 +9,12 @@ Both run the code of `native.gpu_code`, so batches, transfers and errors are the
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 import ctypes
 import re
-from threading import Lock
-from typing import Any
+from threading import RLock
+from typing import Any, Self
 
 import llvmlite.binding as llvm
 from masmc_ros.aliases import AnyArray
@@ -24,78 +24,34 @@ from masmc_ros.native.object_code import optimised
 from masmc_ros.native.targets import Target
 import numpy as np
 
-ARGUMENTS = 12
-"""Number of arguments of the kernel, each of 8 bytes."""
-
 _THREADS = 64
 """Threads of a block: with 255 registers each, four blocks fit into a multiprocessor."""
 
 
 class DeviceMemoryError(Exception):
-    """Raised if the memory of a device does not suffice for a batch."""
+    """Raised if the memory of a device does not suffice."""
 
 
-class Accelerator(ABC):
-    """
-    Memory and processor of a device.
-
-    Attributes
-    ----------
-    name
-        Name for messages.
-    most_runs
-        Number of runs that fill the device, and with which a batch has little start-up.
-    lock
-        Lock of the device: one batch at a time.
-    functions
-        Loaded functions by the types of their records.
-
-    """
-
-    name: str
-    most_runs: int
+class _Functions:
+    """Functions of a device by the types of their records, and its lock: one batch at a time."""
 
     def __init__(self) -> None:
-        """Initialise a device without functions."""
-        self.lock = Lock()
+        self.lock = RLock()
         self.functions: dict[object, Callable[..., None]] = {}
 
-    @abstractmethod
+    @contextmanager
+    def entered(self) -> Iterator[Self]:
+        """Lock the device, and select it in this thread."""
+        with self.lock:
+            self.enter()
+            yield self
+
     def enter(self) -> None:
         """Select the device in this thread."""
 
-    @abstractmethod
-    def free_memory(self) -> int:
-        """Return the number of free bytes."""
 
-    @abstractmethod
-    def load(self, code: str) -> Callable[..., None]:
-        """
-        Return a function of code by `gpu_code.thread_code`.
-
-        It takes the number of runs and the arguments of the kernel, and returns after the last
-        run.
-        """
-
-    @abstractmethod
-    def allocate(self, size: int) -> int:
-        """Return the address of memory filled with zeros; DeviceMemoryError without enough."""
-
-    @abstractmethod
-    def release(self, address: int) -> None:
-        """Release memory by `allocate`."""
-
-    @abstractmethod
-    def upload(self, address: int, values: AnyArray) -> None:
-        """Copy an array to the device."""
-
-    @abstractmethod
-    def download(self, address: int, values: AnyArray) -> None:
-        """Copy memory of the device into an array."""
-
-
-class StandIn(Accelerator):
-    """Stand-in of a GPU: the processor of this machine, one run after the other."""
+class StandIn(_Functions):
+    """Stand-in of a GPU: the processor of this machine, one run after the other; see `Cuda`."""
 
     name = 'stand-in'
     most_runs = 1024
@@ -106,15 +62,12 @@ class StandIn(Accelerator):
         self._memory, self._blocks = memory, dict[int, AnyArray]()
         self._engines: list[Any] = []
 
-    def enter(self) -> None:
-        """Do nothing."""
-
     def free_memory(self) -> int:
         """Return the number of free bytes."""
         return self._memory - sum(block.nbytes for block in self._blocks.values())
 
     def load(self, code: str) -> Callable[..., None]:
-        """Return a function of the code, see `Accelerator`."""
+        """Return a function of the code."""
         llvm.initialize_native_target()
         llvm.initialize_native_asmprinter()
         triple = llvm.get_default_triple()
@@ -124,12 +77,12 @@ class StandIn(Accelerator):
         )
         engine.finalize_object()
         self._engines.append(engine)  # it owns the code
-        words = [ctypes.c_int64] * (1 + ARGUMENTS)
-        run = ctypes.CFUNCTYPE(None, *words)(engine.get_function_address(THREAD))
+        address = engine.get_function_address(THREAD)
 
-        def launch(lanes: int, *arguments: int) -> None:
-            for lane in range(lanes):
-                run(lane, *arguments)
+        def launch(threads: int, *arguments: int) -> None:
+            run = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * (2 + len(arguments)))(address)
+            for thread in range(threads):
+                run(thread, threads, *arguments)
 
         return launch
 
@@ -158,8 +111,24 @@ class StandIn(Accelerator):
         ctypes.memmove(values.ctypes.data, address, values.nbytes)
 
 
-class Cuda(Accelerator):
-    """GPU of NVIDIA, by the bindings of its driver."""
+class Cuda(_Functions):
+    """
+    GPU of NVIDIA, by the bindings of its driver.
+
+    Attributes
+    ----------
+    name
+        Name for messages.
+    most_runs
+        Number of runs that fill the device, and with which a batch has little start-up.
+    capability
+        Compute capability, such as (9, 0).
+    lock
+        Lock of the device.
+    functions
+        Loaded functions by the types of their records.
+
+    """
 
     def __init__(self, number: int = 0) -> None:
         """
@@ -177,91 +146,87 @@ class Cuda(Accelerator):
             ) from None
         self._driver = driver
         try:
-            self._call(driver.cuInit, 0)
-            count = self._call(driver.cuDeviceGetCount)
+            self._call('cuInit', 0)
+            count = self._call('cuDeviceGetCount')
         except (RuntimeError, ImportError, OSError, InputError) as error:
+            reason = (str(error) or type(error).__name__).splitlines()[0].rstrip('.')
             raise InputError(
-                f'{place}: no driver of NVIDIA, or no card ({_first_line(error)}); expected a '
-                'machine on which nvidia-smi lists a GPU'
+                f'{place}: no driver of NVIDIA, or no card ({reason}); expected a machine on '
+                'which nvidia-smi lists a GPU'
             ) from None
         if number >= count:
             raise InputError(f'{place}: expected a number below {count}, the number of cards')
-        device = self._call(driver.cuDeviceGet, number)
-        self.name = self._call(driver.cuDeviceGetName, 256, device).split(b'\0')[0].decode()
-        attributes = driver.CUdevice_attribute
-        major, minor, processors = (
-            self._call(driver.cuDeviceGetAttribute, attribute, device)
-            for attribute in (
-                attributes.CU_DEVICE_ATTRIBUTE_COMPUTE_CAPABILITY_MAJOR,
-                attributes.CU_DEVICE_ATTRIBUTE_COMPUTE_CAPABILITY_MINOR,
-                attributes.CU_DEVICE_ATTRIBUTE_MULTIPROCESSOR_COUNT,
-            )
-        )
-        self._capability, self.most_runs = (major, minor), processors * 4 * _THREADS
-        self._device, self._processors = device, processors
-        self._context = self._call(driver.cuDevicePrimaryCtxRetain, device)
+        self._device = self._call('cuDeviceGet', number)
+        self.name = self._call('cuDeviceGetName', 256, self._device).split(b'\0')[0].decode()
+        parts = 'MAJOR', 'MINOR'
+        self.capability = tuple(self.attribute(f'COMPUTE_CAPABILITY_{part}') for part in parts)
+        self.most_runs = self.attribute('MULTIPROCESSOR_COUNT') * 4 * _THREADS
+        self._context = self._call('cuDevicePrimaryCtxRetain', self._device)
 
-    def operations_per_second(self, rates: Mapping[tuple[int, int], int]) -> float:
-        """Return the double-precision rate, from that of a multiprocessor and cycle; others 2."""
-        attribute = self._driver.CUdevice_attribute.CU_DEVICE_ATTRIBUTE_CLOCK_RATE
-        clock = self._call(self._driver.cuDeviceGetAttribute, attribute, self._device)
-        return 1e3 * float(clock * self._processors * rates.get(self._capability, 2))
+    def attribute(self, name: str) -> int:
+        """Return an attribute of the card, such as `CLOCK_RATE` in kHz."""
+        attribute = getattr(self._driver.CUdevice_attribute, f'CU_DEVICE_ATTRIBUTE_{name}')
+        return int(self._call('cuDeviceGetAttribute', attribute, self._device))
 
-    def _call(self, function: Callable[..., Any], *arguments: Any) -> Any:
-        """Return the results of a function of the driver; InputError for an error."""
-        status, *results = function(*arguments)
+    def _call(self, name: str, *arguments: Any) -> Any:
+        """Return the result of a function of the driver; InputError for an error."""
+        status, *results = getattr(self._driver, name)(*arguments)
         if status == self._driver.CUresult.CUDA_ERROR_OUT_OF_MEMORY:
             raise DeviceMemoryError
         if status != self._driver.CUresult.CUDA_SUCCESS:
-            raise InputError(f'device cuda: {function.__name__}: {status.name}')
+            raise InputError(f'device cuda: {name}: {status.name}')
         return results[0] if len(results) == 1 else results
 
     def enter(self) -> None:
         """Select the card in this thread."""
-        self._call(self._driver.cuCtxSetCurrent, self._context)
+        self._call('cuCtxSetCurrent', self._context)
 
     def free_memory(self) -> int:
         """Return the number of free bytes."""
-        return int(self._call(self._driver.cuMemGetInfo)[0])
+        return int(self._call('cuMemGetInfo')[0])
 
     def load(self, code: str) -> Callable[..., None]:
-        """Return a function of the code, see `Accelerator`."""
-        driver = self._driver
-        text = np.frombuffer(ptx(code, self._capability).encode() + b'\0', np.uint8)
-        module = self._call(driver.cuModuleLoadData, text.ctypes.data)
-        kernel = self._call(driver.cuModuleGetFunction, module, KERNEL.encode())
-        kinds = (ctypes.c_int64,) * ARGUMENTS
+        """
+        Return a function of code by `gpu_code.thread_code`.
 
-        def launch(lanes: int, *arguments: int) -> None:
+        It takes the number of threads and the further arguments of a thread, each of 8 bytes, and
+        returns after the last thread.
+        """
+        text = np.frombuffer(ptx(code, self.capability).encode() + b'\0', np.uint8)
+        module = self._call('cuModuleLoadData', text.ctypes.data)
+        kernel = self._call('cuModuleGetFunction', module, KERNEL.encode())
+
+        def launch(threads: int, *arguments: int) -> None:
             self._call(
-                driver.cuLaunchKernel, kernel, -(-lanes // _THREADS), 1, 1, _THREADS, 1, 1, 0, 0,
-                (arguments, kinds), 0,
+                'cuLaunchKernel', kernel, -(-threads // _THREADS), 1, 1, _THREADS, 1, 1, 0, 0,
+                ((threads, *arguments), (ctypes.c_int64,) * (1 + len(arguments))), 0,
             )  # fmt: skip
-            self._call(driver.cuCtxSynchronize)
+            self._call('cuCtxSynchronize')
 
         return launch
 
     def allocate(self, size: int) -> int:
-        """Return the address of memory filled with zeros."""
-        address = self._call(self._driver.cuMemAlloc, size)
-        self._call(self._driver.cuMemsetD8, address, 0, size)
+        """Return the address of memory filled with zeros; DeviceMemoryError without enough."""
+        address = self._call('cuMemAlloc', size)
+        self._call('cuMemsetD8', address, 0, size)
         return int(address)
 
     def release(self, address: int) -> None:
-        """Release memory."""
-        self._call(self._driver.cuMemFree, address)
+        """Release memory by `allocate`, in any thread."""
+        self.enter()
+        self._call('cuMemFree', address)
 
     def upload(self, address: int, values: AnyArray) -> None:
         """Copy an array to the card."""
-        self._call(self._driver.cuMemcpyHtoD, address, values.ctypes.data, values.nbytes)
+        self._call('cuMemcpyHtoD', address, values.ctypes.data, values.nbytes)
 
     def download(self, address: int, values: AnyArray) -> None:
         """Copy memory of the card into an array."""
-        self._call(self._driver.cuMemcpyDtoH, values.ctypes.data, address, values.nbytes)
+        self._call('cuMemcpyDtoH', values.ctypes.data, address, values.nbytes)
 
 
-def _first_line(error: Exception) -> str:
-    return (str(error) or type(error).__name__).splitlines()[0].rstrip('.')
+Accelerator = Cuda | StandIn
+"""Device; `Cuda` describes the interface."""
 
 
 def named(name: str) -> Accelerator:

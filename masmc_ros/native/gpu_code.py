@@ -2,19 +2,19 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Code of campaigns on a GPU: the loop of `closed_loop.reduced_loop`, one run in each thread.
+Code of runs on a GPU, one run in each thread: closed loops, and robots driven from outside.
 
 The functions of a tick are those of all other runs. They are not inlined, so registers of one
 function are free in the next one. The records of a run are copied into local memory before the
-first tick of a block, and back after its last one. In the memory of the card, words of equal place
-in all records are neighbours, so threads read and write neighbouring words.
+first tick of a launch, and back after its last one. In the memory of the card, words of equal
+place in all records are neighbours, so threads read and write neighbouring words.
 
 The same code for this processor computes a run of each call, for machines without a GPU.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 import re
 from typing import Any
 
@@ -22,7 +22,6 @@ import llvmlite.binding as llvm
 from masmc_ros.aliases import Records
 from masmc_ros.errors import InputError
 from masmc_ros.jit.compiled import exported_code
-from masmc_ros.jit.record import lanes_of
 from masmc_ros.loop import closed_loop
 from masmc_ros.loop.control import control
 from masmc_ros.loop.reduction import reduce_tick
@@ -30,52 +29,43 @@ from masmc_ros.native.entries import Entry
 from masmc_ros.native.object_code import merged, optimised
 from masmc_ros.native.targets import Target
 from masmc_ros.native.template import filled
-from masmc_ros.plant_model.plant_tick import advance, observe
+from masmc_ros.plant_model.plant_tick import advance, observe, write_velocity
 from numba import carray, from_dtype, types
 
 Pointer = Any
 """Address of numbers or of a record in compiled code."""
 
 KERNEL, THREAD = 'masmc_kernel', 'masmc_thread'
-"""Names of the function of the card, and of that of a single run."""
+"""Names of the function of the card, and of that of a single thread."""
 
-CONSTANT, CHANGED = (
-    ('settings', 'plant_settings'), ('memory', 'plant_memory', 'signals', 'reduced')
-)  # fmt: skip
-"""Records of a run that its ticks only read, and those that they also write."""
+CONSTANT = 2
+"""Number of records, the first ones, that ticks only read."""
 
-_FUSED = re.compile(r'\bfma\.|\bmad\.rn|\b(?:add|sub|mul|div|sqrt)\.(?:f64|approx|full)')
-
-_ARGUMENTS = (
-    'ptr %words, ptr %delayed, ptr %reference, ptr %points, ptr %settling, i64 %lanes, i64 %rows, '
-    'i64 %first, i64 %count, i64 %last, i64 %start, i64 %end'
+_REJECTED = re.compile(
+    r'\bfma\.|\bmad\.rn|\b(?:add|sub|mul|div|sqrt)\.(?:f64|approx|full)|\.extern .*'
 )
-
-def words_of(record: Records) -> int:
-    """Return the number of words of a run in a record: all its numbers have 8 bytes."""
-    fields = record.dtype.fields
-    assert fields is not None
-    sizes = (kind.itemsize for kind, _ in (field[:2] for field in fields.values()))
-    return sum(size for size in sizes if size >= 8) // (8 * lanes_of(record))
 
 
 def places_of(records: Mapping[str, Records]) -> tuple[dict[str, int], int]:
-    """Return the first word of each record of a run, and the number of its words."""
+    """Return the first word of each record of a run, and the number of all words."""
     places, place = {}, 0
-    for name in (*CONSTANT, *CHANGED):
+    for name, record in records.items():
         places[name] = place
-        place += words_of(records[name])
+        # All numbers have 8 bytes, and the tags after them one.
+        place += sum(record.dtype[member].itemsize // 8 for member in record.dtype.names or ())
     return places, place
 
 
 def thread_code(records: Mapping[str, Records], desired: int) -> str:
     """
-    Return the intermediate code of a run.
+    Return the intermediate code of a thread.
 
     Parameters
     ----------
     records
-        Records of one lane by the names in CONSTANT and CHANGED.
+        Records of one lane by name: `settings`, `plant_settings`, `memory`, `plant_memory`,
+        `signals` and `reduced` of a closed loop. For a robot whose torques are in `signals`:
+        `nominal`, `plant_settings`, `tracked`, and the last three.
     desired
         Number of values of the reference of a tick.
 
@@ -91,20 +81,20 @@ def thread_code(records: Mapping[str, Records], desired: int) -> str:
         function = module.get_function(name)
         function.linkage = 'internal'
         function.add_function_attribute('noinline')
-    places, place = places_of(records)
+    places, total = places_of(records)
     fields = records['reduced'].dtype.fields
     assert fields is not None
-    loop = {
-        'thread': THREAD, 'arguments': _ARGUMENTS, 'total': place, 'desired': desired,
-        'constant': places[CHANGED[0]], 'lost': places['reduced'] + fields['lost_tick'][1] // 8,
-        'places': places,
+    thread = {
+        'thread': THREAD, 'total': total, 'desired': desired, 'places': places,
+        'constant': [*places.values()][CONSTANT], 'is_controlled': 'settings' in records,
+        'lost': places['reduced'] + fields['lost_tick'][1] // 8,
     }  # fmt: skip
-    return str(module) + filled('gpu_thread.ll.jinja', loop)
+    return str(module) + filled('gpu_thread.ll.jinja', thread)
 
 
-def ptx(code: str, capability: tuple[int, int]) -> str:
+def ptx(code: str, capability: tuple[int, ...]) -> str:
     """
-    Return the code of a run for a card, as text that its driver assembles.
+    Return the code of a thread for a card, as text that its driver assembles.
 
     Parameters
     ----------
@@ -121,8 +111,7 @@ def ptx(code: str, capability: tuple[int, int]) -> str:
     """
     target = Target('nvptx64-nvidia-cuda', 'sm_{}{}'.format(*capability))
     text = code.replace(f'define void @{THREAD}', f'define internal void @{THREAD}')
-    names = {'kernel': KERNEL, 'thread': THREAD, 'arguments': _ARGUMENTS}
-    text += filled('gpu_kernel.ll.jinja', names)
+    text += filled('gpu_kernel.ll.jinja', {'kernel': KERNEL, 'thread': THREAD})
     machine = llvm.Target.from_triple(target.triple).create_target_machine(
         cpu=target.processor, opt=3
     )
@@ -137,36 +126,24 @@ def ptx(code: str, capability: tuple[int, int]) -> str:
 
 def check_ptx(text: str) -> None:
     """Raise InputError for a fused or inexact operation, or a symbol of another file."""
-    for pattern, expected in (
-        (_FUSED, 'operations with the rounding of IEEE 754'),
-        (re.compile(r'\.extern .*'), 'code without further symbols'),
-    ):
-        if found := pattern.search(text):
-            raise InputError(f"code for the GPU contains '{found.group()}'; expected {expected}")
+    if found := _REJECTED.search(text):
+        raise InputError(
+            f"code for the GPU contains '{found.group()}'; expected operations with the rounding "
+            'of IEEE 754, and no further symbols'
+        )
 
 
 def _functions(records: Mapping[str, Records], desired: int) -> dict[str, Entry]:
     """Compile the functions of a tick for records of one lane."""
-    number, vector = types.int64, types.CPointer(types.float64)
-    settings, plant_settings, memory, plant_memory, signals, reduced = (
-        types.CPointer(from_dtype(records[name].dtype)) for name in (*CONSTANT, *CHANGED)
-    )
     joints = len(records['signals']['torque'][0])
     width = 2 * (len(records['signals']['position'][0]) + joints)
     points = len(records['reduced']['square'][0])
 
-    def start_of_run(
-        settings: Pointer, plant: Pointer, memory: Pointer, state: Pointer, signals: Pointer,
-        delayed: Pointer, rows: int, lanes: int, lane: int,
-    ) -> int:  # fmt: skip
-        closed_loop.post_update(carray(settings, 1), carray(memory, 1))
-        own = carray(delayed, (rows, width, lanes))[:, :, lane:lane + 1]
-        closed_loop.plant_start(carray(plant, 1), carray(state, 1), own, carray(signals, 1))
-        return 0
-
     def control_of_tick(
-        settings: Pointer, memory: Pointer, signals: Pointer, reference: Pointer
+        settings: Pointer, memory: Pointer, signals: Pointer, reference: Pointer, tick: int
     ) -> int:
+        if tick == 0:
+            closed_loop.post_update(carray(settings, 1), carray(memory, 1))
         row = carray(signals, 1)[0]
         closed_loop.write_reference(row, carray(reference, desired))
         control(carray(settings, 1)[0], carray(memory, 1)[0], row)
@@ -188,19 +165,34 @@ def _functions(records: Mapping[str, Records], desired: int) -> dict[str, Entry]
     ) -> int:  # fmt: skip
         own = carray(delayed, (rows, width, lanes))[:, :, lane:lane + 1]
         robot, memory, row = carray(plant, 1)[0], carray(state, 1)[0], carray(signals, 1)[0]
-        advance(robot, memory, own, tick, row, False)
+        # The state before tick 0 is the initial one.
+        if tick < 0:
+            write_velocity(robot, memory)
+        else:
+            advance(robot, memory, own, tick, row, False)
         observe(robot, memory, own, tick + 1, row)
         return 0
 
-    kinds: dict[Callable[..., int], Sequence[Any]] = {
-        start_of_run: (settings, plant_settings, memory, plant_memory, signals, vector,
-                       number, number, number),
-        control_of_tick: (settings, memory, signals, vector),
-        reduction_of_tick: (reduced, signals, types.CPointer(number), vector,
-                            number, number, number),
-        plant_of_tick: (plant_settings, plant_memory, vector, number, number, number, number,
-                        signals),
-    }  # fmt: skip
+    def tracking_of_tick(
+        plant: Pointer, nominal: Pointer, signals: Pointer, reference: Pointer, tracked: Pointer
+    ) -> int:
+        closed_loop.track_reference(
+            carray(plant, 1), carray(nominal, 1), carray(signals, 1), carray(reference, desired),
+            carray(tracked, 1),
+        )  # fmt: skip
+        return 0
+
+    record = {name: types.CPointer(from_dtype(one.dtype)) for name, one in records.items()}
+    plant, signals, reduced = (record[name] for name in ('plant_settings', 'signals', 'reduced'))
+    number, vector = types.int64, types.CPointer(types.float64)
+    kinds: dict[Callable[..., int], tuple[Any, ...]] = {
+        reduction_of_tick: (reduced, signals, types.CPointer(number), vector, *[number] * 3),
+        plant_of_tick: (plant, record['plant_memory'], vector, *[number] * 4, signals),
+    }
+    if 'settings' in record:
+        kinds[control_of_tick] = record['settings'], record['memory'], signals, vector, number
+    else:
+        kinds[tracking_of_tick] = plant, record['nominal'], signals, vector, record['tracked']
     codes = {
         function.__name__: exported_code(function, number(*arguments), points, desired, width)
         for function, arguments in kinds.items()

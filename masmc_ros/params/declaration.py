@@ -8,6 +8,7 @@ from __future__ import annotations
 import array
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 import math
 import re
 from typing import Any, Literal, TypeGuard
@@ -165,7 +166,7 @@ class Parameter:
         kinds: dict[type, Kind] = {bool: 'bool', int: 'integer', float: 'double', str: 'string'}
         return kinds[type(default)]
 
-    @property
+    @cached_property
     def bounds(self) -> Bounds:
         """Return the range of the number or of each entry."""
         return Bounds(self.minimum, self.maximum, self.exclusive_minimum, self.exclusive_maximum)

@@ -26,7 +26,6 @@ from masmc_ros.numerics.portable_math import exp
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.formula_types import Lengths, MechanismInertia
 import numpy as np
-from numpy.typing import NDArray
 
 
 @formula
@@ -51,31 +50,35 @@ def joint_inertia(model: Lengths, template: Numbers, h: MechanismInertia, joint:
 
 
 @kernel
-def joint_inertias(plant: Records, angles: Array, lane: int) -> NDArray[np.float64]:
+def joint_inertias(plant: Records, geometry: Array, theta: Array, angles: Array) -> Array:
     """
-    Return the diagonal (joints) of the reduced inertia H of (10) of one lane in kg·m².
+    Return the diagonals (n, joints) of the reduced inertia H of (10) of robots in kg·m².
 
     Parameters
     ----------
     plant
-        Array of one record with the settings of the plant; other lanes may be unset.
+        Array of one record of one lane with the settings of a plant; its robot is overwritten.
+    geometry, theta
+        Lengths (n, lengths) and base inertial parameters (n, parameters) of the robots.
     angles
-        Joint angles (joints) in rad.
-    lane
-        Index of the lane.
+        Joint angles (n, joints) in rad.
 
     """
-    robot, diagonal = lane_of(plant[0], lane), np.empty(len(angles))
-    template = robot.limit
-    model = mechanism.model_of(robot)
-    bend = mechanism.posture_of_joints(model, to_vector(angles, template))
-    h = mechanism.inertia(model, bend, robot.theta)
-    place = mark(robot)
-    for joint in range(len(template)):
-        free(robot, place)
-        diagonal[joint] = joint_inertia(model, template, h, joint)
+    robot, diagonals = lane_of(plant[0], 0), np.empty(angles.shape)
+    template, start = robot.limit, mark(robot)
+    for k in range(len(angles)):
+        free(robot, start)
+        robot.geometry = to_vector(geometry[k], robot.geometry)
+        robot.theta = to_vector(theta[k], robot.theta)
+        model = mechanism.model_of(robot)
+        bend = mechanism.posture_of_joints(model, to_vector(angles[k], template))
+        h = mechanism.inertia(model, bend, robot.theta)
+        place = mark(robot)
+        for joint in range(len(template)):
+            free(robot, place)
+            diagonals[k, joint] = joint_inertia(model, template, h, joint)
     check_workspace(robot)
-    return diagonal
+    return diagonals
 
 
 @formula

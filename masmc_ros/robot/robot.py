@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 from masmc_ros.aliases import Array, Records
@@ -152,11 +152,22 @@ class Robot:
 
 def robot_of(values: Values) -> Robot:
     """Return the robot of a node's checked values; raise InputError for an invalid robot."""
-    mechanism = mechanism_from(values)
-    own = {p.name.removeprefix('robot.'): values[p.name] for p in mechanism.parameters}
+    return robot_with(mechanism_from(values), values)
+
+
+def robot_with(mechanism: Mechanism, values: Values) -> Robot:
+    """Return the robot of a known type; see `robot_of`."""
+    own = {short: values[name] for name, short in _names(mechanism)}
     check(mechanism, own)
     lengths, theta = mechanism.formulas.constants(own)
     return Robot(mechanism, own, np.array(lengths), np.array(theta))
+
+
+@lru_cache(maxsize=16)
+def _names(mechanism: Mechanism) -> tuple[tuple[str, str], ...]:
+    """Return the parameters of a robot, and the same without `robot.`."""
+    names = (parameter.name for parameter in mechanism.parameters)
+    return tuple((name, name.removeprefix('robot.')) for name in names)
 
 
 def robot_description(values: Values, frame_prefix: str = '') -> str:

@@ -12,6 +12,8 @@ from masmc_ros.campaign.axes import axis
 from masmc_ros.campaign.campaign import Campaign, campaign_of
 from masmc_ros.campaign.draws import draw
 from masmc_ros.cli.main import main
+from masmc_ros.jit.sized_records import TAG
+from masmc_ros.loop.batch_simulation import BatchRecords
 from masmc_ros.scenario.scenario import load_scenario
 import pytest
 
@@ -43,6 +45,31 @@ def test_runs_are_grid_times_repeats_with_same_draws_at_points() -> None:
             values = runs[start + k].values
             assert [values[n] for n in names] == [runs[k].values[n] for n in names]
     assert [run.scenario['plant']['seed'] for run in runs[:5]] == [0, 1, 2, 3, 0]
+
+
+def test_records_of_batch_equal_those_of_runs_alone() -> None:
+    """Plants of the first two campaigns differ in few parameters; the last draws all others."""
+    robots = 'robot.link_2_mass=uniform:0.6:1.4', 'plant.robot.com_offset=uniform:0.05:0.1'
+    plant = (
+        'plant.disturbance.phase[2]=uniform:0:6', 'plant.torque_limit[1]=uniform:20:40',
+        'plant.measurement_loss=uniform:0:0.2', 'plant.payload.mass=uniform:0:1',
+        'plant.initial_pose[0]=uniform:0:1', 'plant.initial_joints[2]=uniform:0.7:0.9',
+        'plant.initial_velocity[0]=uniform:0:1', 'controller.k_s1=uniform:80:120',
+    )  # fmt: skip
+    others = 'plant.motor_lag=uniform:0:0.01', 'plant.measurement_delay=uniform:0:0.01'
+    latency = 'controller.latency=0.002', 'plant.stiction.torque=[0.1, 0.2, 0.0, 0.1]'
+    for draws, settings in ((robots, ()), (plant, latency[:1]), (robots + others, latency)):
+        campaign = campaign_of(PAPER, settings, draws=[draw(text) for text in draws], repeats=5)
+        runs = [run.scenario for run in campaign.runs(0, 5)]
+        batch = BatchRecords(runs)
+        for lane, run in enumerate(runs):
+            alone = BatchRecords([run])
+            for name in ('_plant', '_state', '_settings', '_learned'):
+                record, single = getattr(batch, name), getattr(alone, name)
+                for field in single.dtype.names:
+                    if TAG not in field:
+                        values = record[field][..., lane:lane + 1]
+                        assert values.tobytes() == single[field].tobytes(), (lane, field)
 
 
 def test_part_of_runs_equals_those_of_all() -> None:

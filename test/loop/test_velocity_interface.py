@@ -8,7 +8,6 @@ from __future__ import annotations
 from pathlib import Path
 
 from masmc_ros.errors import InputError
-from masmc_ros.jit.record import fill
 from masmc_ros.loop import records
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.simulation import Simulation
@@ -139,10 +138,8 @@ def test_drive_at_torque_limit_does_not_wind_up() -> None:
 
 def test_drive_tuning_joint_inertia_equals_simulated_one() -> None:
     robot = robot_of(load_scenario(PAPER)['plant'])
-    settings = records.plant_settings(TWO_LINK)
-    fill(settings, 'geometry', robot.geometry)
-    fill(settings, 'theta', robot.theta)
-    inertia = joint_inertias(settings, np.array([0.0, 0.0, 0.3, -1.2]), 0)
+    settings, angles = records.plant_settings(TWO_LINK), np.array([0.0, 0.0, 0.3, -1.2])
+    (inertia,) = joint_inertias(settings, robot.geometry[None], robot.theta[None], angles[None])
     plant = SimulatedRobot(
         robot,
         1e-5,

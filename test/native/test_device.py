@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Campaigns by the code of a GPU: bits, batches, resume and errors on the stand-in of a card.
+Campaigns and environments by the code of a GPU: bits, batches, resume and errors on a stand-in.
 
 The stand-in executes the same code. `ptxas` of NVIDIA assembles it for cards.
 """
@@ -11,13 +11,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+import pickle
 import re
 import shutil
 import subprocess
 import sys
+from typing import Any
 
 from helpers.campaigns import assert_equal, campaign_with, PAPER, SETTINGS
 from helpers.small_tree import hand_at_start, write_scenario
+from masmc_ros.api.learning import MobileManipulators
 from masmc_ros.campaign.campaign import campaign_of
 from masmc_ros.campaign.dataset import arrays, Dataset
 from masmc_ros.campaign.draws import draw
@@ -25,9 +28,12 @@ from masmc_ros.campaign.engine import carry_out
 from masmc_ros.campaign.part import evaluated, rows, StoppedError
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
+from masmc_ros.loop.driven_robots import DrivenRobots
 from masmc_ros.native.accelerator import named, StandIn
-from masmc_ros.native.device import Device, device_option
+from masmc_ros.native.device import Device, device_option, DeviceRobots
 from masmc_ros.native.gpu_code import check_ptx, ptx
+from masmc_ros.scenario.scenario import load_scenario
+import numpy as np
 import pytest
 
 EFFECTS = (
@@ -137,6 +143,83 @@ def test_code_of_laws_assembles_without_fused_operations(
             assert out.stat().st_size > 0
 
 
+EPISODES: dict[str, Any] = {
+    'scenario': PAPER,
+    'draw': {
+        'plant.robot.link_2_mass': 'uniform:0.6:1.4', 'robot.link_2_length': 'uniform:0.84:0.9',
+        'plant.measurement_delay': 'uniform:0.001:0.006',
+    },
+    'settings': {
+        'plant.velocity_noise': 0.02, 'plant.encoder_resolution': 1e-4,
+        'plant.command_delay': 0.003, 'plant.delay_jitter': 0.5, 'plant.measurement_loss': 0.05,
+    },
+    'duration': 0.04, 'error_limit': 0.7,
+}  # fmt: skip
+
+
+def assert_same(one: object, other: object) -> None:
+    """Raise AssertionError for results of environments that differ in a bit."""
+    if isinstance(one, dict):
+        assert isinstance(other, dict)
+        one, other = tuple(one.items()), tuple(other.items())
+    if isinstance(one, tuple):
+        assert isinstance(other, tuple)
+        for parts in zip(one, other, strict=True):
+            assert_same(*parts)
+    else:
+        np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.slow
+def test_episodes_on_device_equal_those_of_processor() -> None:
+    """Robot 1 diverges and starts again; then delays and effects differ, and robot 0 is reset."""
+    here, device = (MobileManipulators(3, device=name, **EPISODES) for name in ('cpu', 'stand-in'))
+    torques = np.random.default_rng(1).uniform(-5.0, 5.0, (60, 3, 4))
+    torques[:15, 1, 3] = 50.0
+    assert_same(here.reset(seed=7), device.reset(seed=7))
+    lost = truncated = 0
+    for tick, torque in enumerate(torques):
+        if tick == 12:
+            mask = {'reset_mask': np.array([True, False, False])}
+            assert_same(here.reset(options=mask), device.reset(options=mask))
+        if tick == 30:
+            device = pickle.loads(pickle.dumps(device))
+        result = here.step(torque)
+        assert_same(result, device.step(torque))
+        lost, truncated = lost + result[2].sum(), truncated + result[3].sum()
+    assert lost >= 1
+    assert truncated >= 2
+
+
+@pytest.mark.slow
+def test_driven_robots_on_device_are_those_here() -> None:
+    """Robot 1 starts later, with motors that lag, a longer delay and other code."""
+    base, lagging = (
+        load_scenario(PAPER, effects)
+        for effects in ((), ('plant.motor_lag=0.005', 'plant.measurement_delay=0.005'))
+    )
+    options: dict[str, Any] = {
+        'path': np.zeros((90, 12)), 'window': (0, 90), 'settling': np.array([0.1, 0.01])
+    }
+    device = Device(StandIn(2_000_000))
+    with pytest.raises(InputError, match=r'^900 robots: .* has free memory for 284; expected'):
+        DeviceRobots(lambda: device, base, 900, **options)
+    DeviceRobots(lambda: device, base, 284, **options)
+    robots = DrivenRobots(base, 2, **options), DeviceRobots(lambda: device, base, 2, **options)
+    for run, moves in ((base, [True, False]), (lagging, [True, True])):
+        for one in robots:
+            one.start({int(moves[1]): run})
+            for torque in np.random.default_rng(2).uniform(-1.0, 1.0, (20, 2, 4)):
+                one.step(torque, np.array(moves))
+    for record, field in (('signals', 'velocity'), ('tracked', 'true_error')):
+        np.testing.assert_array_equal(*(one.values(record, field) for one in robots))
+    for name, values in robots[1].reduction().items():
+        np.testing.assert_array_equal(values, robots[0].reduction()[name], name)
+    assert device.accelerator.free_memory() < 2_000_000
+    del one, robots
+    assert device.accelerator.free_memory() == 2_000_000
+
+
 @pytest.mark.parametrize(
     'line',
     [
@@ -163,6 +246,8 @@ def test_missing_device_is_one_line(
     assert capsys.readouterr().err.splitlines()[-1].endswith(
         "device cuda:1: the package cuda-bindings is missing; pip install 'masmc_ros[gpu]'"
     )
+    with pytest.raises(InputError, match=r'^device cuda:0: .* cuda-bindings is missing'):
+        MobileManipulators(2, PAPER, device='cuda')
     with pytest.raises(InputError, match="device 'rocm': expected cpu, cuda, cuda:NUMBER"):
         named('rocm')
     assert device_option('cpu') is None

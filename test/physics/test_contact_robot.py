@@ -13,7 +13,6 @@ from typing import Any
 from helpers.small_tree import parameters, START, URDF
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
-from masmc_ros.jit.record import fill
 from masmc_ros.loop import records
 from masmc_ros.loop.batch_simulation import BatchSimulation
 from masmc_ros.loop.signals import CONTACT, largest_slip
@@ -84,9 +83,7 @@ def check_inertia(values: dict[str, Any], angles: tuple[float, ...]) -> None:
     """Assert that the diagonal of MuJoCo's inertia equals that of the mechanism's H."""
     robot, at = robot_of(values), np.array(angles)
     settings = records.plant_settings(robot.mechanism)
-    fill(settings, 'geometry', robot.geometry)
-    fill(settings, 'theta', robot.theta)
-    expected = joint_inertias(settings, at, 0)
+    (expected,) = joint_inertias(settings, robot.geometry[None], robot.theta[None], at[None])
     np.testing.assert_allclose(np.diag(rolling_inertia(values, at)), expected, rtol=1e-7)
 
 

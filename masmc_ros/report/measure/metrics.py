@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from functools import cache
 import math
 from typing import Any, NamedTuple
 
@@ -241,7 +242,8 @@ def _metric(*declaration: Any, **options: Any) -> Any:
     return field(default=None, metadata={'metric': Metric(*declaration, **options)})
 
 
-def declared(kind: type) -> dict[str, Metric]:
+@cache
+def declared(kind: type) -> Mapping[str, Metric]:
     """Return the metrics of a class by attribute, in the order of columns."""
     return {f.name: f.metadata['metric'] for f in fields(kind) if 'metric' in f.metadata}
 

@@ -13,6 +13,7 @@ from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError
 from masmc_ros.law.command_interface import takes_rates
 from masmc_ros.loop.batch_simulation import BatchSimulation
+from masmc_ros.loop.reduction import Reduction
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.timing import Timing
 from masmc_ros.params.declaration import Values
@@ -21,7 +22,6 @@ from masmc_ros.report.measure.settling import BAND, FLOOR, settled_after
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.scenario.scenario import activation
 import numpy as np
-from numpy.typing import NDArray
 
 SETTLING = np.array([BAND, FLOOR])
 """Band of the settling time as a part of the first distance, and its minimum in m."""
@@ -115,7 +115,7 @@ def simulated_metrics(run: Mapping[str, Values]) -> Metrics | float:
 
 
 def metrics_of_lane(
-    reduced: NDArray[np.void] | np.void,
+    reduced: Reduction,
     lane: int,
     window: ReducedWindow,
     mechanism: Mechanism,
@@ -129,7 +129,7 @@ def metrics_of_lane(
     Parameters
     ----------
     reduced
-        Record of `loop.reduction.REDUCED` after the last tick.
+        Reduced signals after the last tick.
     lane
         Lane of the run.
     window
