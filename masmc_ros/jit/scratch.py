@@ -24,7 +24,7 @@ from masmc_ros.jit.generated import (
     Types,
     TypingContext,
 )
-from masmc_ros.jit.tuples import FLOAT, new_array
+from masmc_ros.jit.tuples import FLOAT
 from masmc_ros.jit.vectors import VectorType
 from numba import types
 from numba.core import cgutils
@@ -39,6 +39,8 @@ Sizes are no multiples of 4 KiB, because processors first mistake such addresses
 
 
 CACHE_LINE = 64
+
+VECTOR = types.Array(FLOAT, 1, 'C')
 
 
 def scratch(*shape: int) -> Array:
@@ -107,7 +109,7 @@ def _scratch(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
         with then:
             build.store(array_over(compiler, compiler.result, room, lengths), buffer)
         with otherwise:
-            build.store(new_array(compiler, compiler.result, lengths), buffer)
+            build.store(_on_heap(compiler, lengths), buffer)
     return build.load(buffer)
 
 
@@ -115,10 +117,19 @@ def _scratch(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
 def _lasting(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     lengths, count = _lengths(compiler, kinds[1:], values[1:])
     if not isinstance(kinds[0], VectorType):
-        return new_array(compiler, compiler.result, lengths)
+        return _on_heap(compiler, lengths)
     workspace = vectors.workspace_of(compiler, values[0])
     data = vectors.data_of(compiler, vectors.new_vector(compiler, FLOAT, count, workspace))
     return array_over(compiler, compiler.result, data, lengths)
+
+
+def _empty(shape: tuple[int, ...]) -> Array:
+    return np.empty(shape)
+
+
+def _on_heap(compiler: Compiler, lengths: list[IrValue]) -> IrValue:
+    kind = types.UniTuple(types.intp, len(lengths))
+    return compiler.run(_empty, (kind,), (compiler.tuple_of(lengths, kind),))
 
 
 def array_over(

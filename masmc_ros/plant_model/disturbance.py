@@ -6,11 +6,11 @@
 from __future__ import annotations
 
 from masmc_ros.aliases import Array, Record
-from masmc_ros.jit.bits import bits_of
 from masmc_ros.jit.compiled import formula
 from masmc_ros.jit.lanes import lane_of
 from masmc_ros.jit.record import lane_count
 from masmc_ros.jit.tuples import elementwise
+from masmc_ros.numerics.bits import bits_of
 from masmc_ros.numerics.portable_math import padded, sines, write_sines
 
 
