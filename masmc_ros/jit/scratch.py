@@ -66,17 +66,26 @@ def lasting(like: Numbers, *shape: int) -> Array:
 @formula
 def clear(array: Array) -> None:
     """Write zeros into an array; the compiled code is much shorter than for `array[:] = 0.0`."""
-    flat = array.reshape(array.size)
-    for i in range(len(flat)):
-        flat[i] = 0.0
+    # The compiler omits the branch of the other dimension.
+    if array.ndim == 1:
+        for i in range(len(array)):
+            array[i] = 0.0
+    else:
+        for i in range(array.shape[0]):
+            for j in range(array.shape[1]):
+                array[i, j] = 0.0
 
 
 @formula
 def copy_into(array: Array, values: Array) -> None:
-    """Copy an array into another one of the same shape, both in row-major order."""
-    flat, source = array.reshape(array.size), values.reshape(values.size)
-    for i in range(len(flat)):
-        flat[i] = source[i]
+    """Copy an array into another one of the same shape."""
+    if array.ndim == 1:
+        for i in range(len(array)):
+            array[i] = values[i]
+    else:
+        for i in range(array.shape[0]):
+            for j in range(array.shape[1]):
+                array[i, j] = values[i, j]
 
 
 def _type_of_scratch(context: TypingContext, *shape: Type) -> Type:
@@ -123,11 +132,13 @@ def _lasting(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     return array_over(compiler, compiler.result, data, lengths)
 
 
-def _empty(shape: tuple[int, ...]) -> Array:
+def _empty(shape: int | tuple[int, ...]) -> Array:
     return np.empty(shape)
 
 
 def _on_heap(compiler: Compiler, lengths: list[IrValue]) -> IrValue:
+    if len(lengths) == 1:
+        return compiler.run(_empty, (types.intp,), lengths)
     kind = types.UniTuple(types.intp, len(lengths))
     return compiler.run(_empty, (kind,), (compiler.tuple_of(lengths, kind),))
 

@@ -17,6 +17,7 @@ from typing import Any, TypeVar
 
 from masmc_ros.aliases import Columns, Function, Numbers
 from masmc_ros.jit import vectors
+from masmc_ros.jit.compiled import formula
 from masmc_ros.jit.generated import (
     called,
     Compiler,
@@ -191,13 +192,6 @@ def dot(a: Numbers, b: Numbers) -> float:
     return total
 
 
-def _sum_of_products(compiler: Compiler, a: IrValues, b: IrValues) -> IrValue:
-    total = compiler.number(0.0)
-    for x, y in zip(a, b, strict=True):
-        total = compiler.builder.fadd(total, compiler.builder.fmul(x, y))
-    return total
-
-
 def _dot_of_sized(compiler: Compiler, kinds: Types, a: IrValue, b: IrValue) -> IrValue:
     build = compiler.builder
     total = cgutils.alloca_once_value(build, compiler.number(0.0))
@@ -214,9 +208,11 @@ def _dot_of_sized(compiler: Compiler, kinds: Types, a: IrValue, b: IrValue) -> I
 def _dot(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     if isinstance(kinds[0], VectorType):
         return _dot_of_sized(compiler, kinds, *values)
-    return _sum_of_products(
-        compiler, *(compiler.entries(v, k) for v, k in zip(values, kinds, strict=True))
-    )
+    total = compiler.number(0.0)
+    entries = (compiler.entries(v, k) for v, k in zip(values, kinds, strict=True))
+    for x, y in zip(*entries, strict=True):
+        total = compiler.builder.fadd(total, compiler.builder.fmul(x, y))
+    return total
 
 
 def unit(template: Numbers, i: int) -> Numbers:
@@ -247,74 +243,28 @@ def _unit(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     ])
 
 
-def matrix_times(columns: tuple[Numbers, ...], x: Numbers) -> Numbers:
+@formula
+def matrix_times(columns: Columns, x: Numbers) -> Numbers:
     """Return a matrix times a vector; the matrix is a tuple of its columns."""
-    return tuple(dot(tuple(c[i] for c in columns), x) for i in range(len(columns[0])))
+    return from_index(_entry_of_product, columns[0], (columns, x))
 
 
-def _type_of_product(context: TypingContext, columns: Type, x: Type) -> Type:
-    return NUMBERS if isinstance(columns, MatrixType) else _floats(len(columns[0]))
+@formula
+def _entry_of_product(factors: tuple[Columns, Numbers], i: int) -> float:
+    columns, x = factors
+    total = 0.0
+    for j in range(len(x)):
+        total += columns[j][i] * x[j]
+    return total
 
 
-@generated(matrix_times, _type_of_product)
-def _matrix_times(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
-    if isinstance(kinds[0], MatrixType):
-        return _matrix_times_sized(compiler, *values)
-    columns = [compiler.entries(c, kinds[0][0]) for c in compiler.entries(values[0], kinds[0])]
-    x = compiler.entries(values[1], kinds[1])
-    return compiler.tuple_of([
-        _sum_of_products(compiler, [column[i] for column in columns], x)
-        for i in range(len(columns[0]))
-    ])
-
-
-def _matrix_times_sized(compiler: Compiler, matrix: IrValue, x: IrValue) -> IrValue:
-    build = compiler.builder
-    size, workspace = (
-        vectors.columns_of(compiler, matrix), vectors.workspace_of(compiler, matrix)
-    )
-    out = vectors.new_vector(compiler, FLOAT, size, workspace)
-    total = cgutils.alloca_once(build, compiler.context.get_value_type(FLOAT))
-    with short_loop(build, size) as i:
-        build.store(compiler.number(0.0), total)
-        with short_loop(build, vectors.count_of(compiler, x)) as j:
-            column = vectors.row_of(compiler, matrix, j)
-            entry = vectors.load_entry(compiler, NUMBERS, column, i)
-            product = build.fmul(entry, vectors.load_entry(compiler, NUMBERS, x, j))
-            build.store(build.fadd(build.load(total), product), total)
-        vectors.store_entry(compiler, NUMBERS, out, i, build.load(total))
-    return out
-
-
+@formula
 def least(vector: Numbers) -> float:
     """Return the smallest entry."""
     smallest = vector[0]
-    for value in vector:
-        smallest = value if value < smallest else smallest
+    for i in range(1, len(vector)):
+        smallest = vector[i] if vector[i] < smallest else smallest
     return smallest
-
-
-@generated(least, lambda context, vector: FLOAT)
-def _least(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
-    build = compiler.builder
-    if isinstance(kinds[0], VectorType):
-        return _least_of_sized(compiler, kinds[0], values[0])
-    smallest, *others = compiler.entries(values[0], kinds[0])
-    for value in others:
-        smallest = build.select(build.fcmp_ordered('<', value, smallest), value, smallest)
-    return smallest
-
-
-def _least_of_sized(compiler: Compiler, kind: VectorType, vector: IrValue) -> IrValue:
-    build, zero = compiler.builder, compiler.context.get_constant(types.intp, 0)
-    smallest = cgutils.alloca_once_value(
-        build, vectors.load_entry(compiler, kind, vector, zero)
-    )
-    with short_loop(build, vectors.count_of(compiler, vector)) as i:
-        value, least = vectors.load_entry(compiler, kind, vector, i), build.load(smallest)
-        is_less = build.fcmp_ordered('<', value, least)
-        build.store(build.select(is_less, value, least), smallest)
-    return build.load(smallest)
 
 
 def head(vector: Numbers, as_many: Numbers) -> Numbers:

@@ -24,9 +24,9 @@ def of_bits(bits: np.int64) -> float:
 
 
 @formula
-def with_sign_flipped(value: float, flips: int) -> float:
+def with_sign_flipped(value: float, flips: np.int64) -> float:
     """Return -value if the last bit of `flips` is set, otherwise value."""
-    return of_bits(bits_of(value) ^ (np.int64(flips) << _SIGN))
+    return of_bits(bits_of(value) ^ (flips << _SIGN))
 
 
 @formula
