@@ -15,8 +15,8 @@ Numbers = tuple[float, ...]
 """
 Vector in a formula: one number per joint, task axis or inertial parameter.
 
-Compiled code has a tuple of up to `jit.tuples.LONGEST` numbers, and an array of more. Of
-robots described by a URDF it has vectors of any length (`jit.vectors`).
+Compiled code has a tuple if the length is constant, and a vector of `jit.vectors` for robots
+described by a URDF.
 """
 
 Axes = Numbers

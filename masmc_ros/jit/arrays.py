@@ -24,8 +24,8 @@ from masmc_ros.jit.generated import (
     Types,
     TypingContext,
 )
-from masmc_ros.jit.scratch import array_over, CACHE_LINE
-from masmc_ros.jit.tuples import FLOAT, is_array, MATRIX, VECTOR
+from masmc_ros.jit.scratch import array_over, CACHE_LINE, VECTOR
+from masmc_ros.jit.tuples import FLOAT
 from masmc_ros.jit.vectors import short_loop, VectorType
 from numba import types
 from numba.core import cgutils
@@ -38,8 +38,7 @@ _Vector = TypeVar('_Vector', bound=Numbers)
 
 def to_vector(array: Array, as_many: Numbers) -> Numbers:
     """Return the first entries of an array as a vector of the same kind and length as another."""
-    count = len(as_many)
-    return tuple(array[:count]) if isinstance(as_many, tuple) else array[:count].copy()
+    return tuple(array[:len(as_many)])
 
 
 def read_part(array: Array, row: int, first: int, as_many: _Vector) -> _Vector:
@@ -96,17 +95,6 @@ def write_columns(columns: Columns, out: Array) -> None:
     for j in range(out.shape[0]):
         for i in range(out.shape[1]):
             out[j, i] = columns[j][i]
-
-
-def split_buffer(
-    block: Array, rows: int, columns: int, others: int, wide: int
-) -> tuple[Array, Array]:
-    """Return two arrays, (rows, columns) and (others, wide), as views of consecutive parts."""
-    count = rows * columns
-    return (
-        block[:count].reshape(rows, columns),
-        block[count:count + others * wide].reshape(others, wide),
-    )
 
 
 def _tuple_of(context: TypingContext, array: Type, *others: Type) -> types.Type:
@@ -196,8 +184,6 @@ generated(write_along, lambda context, *kinds: types.none)(_written(0, 1))
 
 
 def _type_of_vector(context: TypingContext, array: Type, as_many: Type) -> Type:
-    if isinstance(as_many, types.Array):
-        return as_many
     if isinstance(as_many, VectorType):
         return VectorType(array.dtype)
     return types.UniTuple(array.dtype, len(as_many))
@@ -205,8 +191,6 @@ def _type_of_vector(context: TypingContext, array: Type, as_many: Type) -> Type:
 
 @generated(to_vector, _type_of_vector)
 def _to_vector(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
-    if is_array(kinds[1]):
-        return compiler.run(_copy_of_first, kinds, values)
     first = compiler.context.get_constant(types.intp, 0)
     if isinstance(compiler.result, VectorType):
         place_at = _place_at(compiler, (kinds[0], types.intp), (values[0], first), 0)
@@ -222,16 +206,9 @@ def _to_vector(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     return compiler.tuple_of([compiler.builder.load(place) for place in places])
 
 
-def _copy_of_first(array: Array, as_many: Array) -> Array:
-    out = np.empty(len(as_many))
-    for i in range(len(out)):
-        out[i] = array[i]
-    return out
-
-
 @generated(array_of, lambda context, values: VECTOR)
 def _array_of(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
-    if is_array(kinds[0]):
+    if isinstance(kinds[0], types.Array):
         return impl_ret_borrowed(compiler.context, compiler.builder, kinds[0], values[0])
     if isinstance(kinds[0], VectorType):
         data = vectors.data_of(compiler, values[0])
@@ -254,29 +231,9 @@ def _on_stack(compiler: Compiler, kind: Type, value: IrValue) -> IrValue:
 
 @generated(changeable, lambda context, values: VECTOR)
 def _changeable(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
-    if is_array(kinds[0]):
-        return compiler.run(_copy_of_first, [kinds[0]] * 2, [values[0]] * 2)
     if not isinstance(kinds[0], VectorType):
         return _on_stack(compiler, kinds[0], values[0])
     count = vectors.count_of(compiler, values[0])
     copy = vectors.data_of(compiler, vectors.new_vector_like(compiler, FLOAT, values[0]))
     vectors.copy_entries(compiler, vectors.data_of(compiler, values[0]), copy, count)
     return array_over(compiler, VECTOR, copy, [count])
-
-
-@generated(split_buffer, lambda context, *kinds: types.UniTuple(MATRIX, 2))
-def _split_buffer(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
-    build, context = compiler.builder, compiler.context
-    block = context.make_array(kinds[0])(context, build, values[0])
-    lengths = [
-        compiler.cast(value, kind, types.intp)
-        for value, kind in zip(values[1:], kinds[1:], strict=True)
-    ]
-    second = build.gep(block.data, [build.mul(lengths[0], lengths[1])])
-    parts = []
-    for place, shape in ((block.data, lengths[:2]), (second, lengths[2:])):
-        # Both parts own a vector on the heap, which exists until neither is used.
-        part = array_over(compiler, MATRIX, place, shape, owner=block.meminfo)
-        context.nrt.incref(build, MATRIX, part)
-        parts.append(part)
-    return compiler.tuple_of(parts)

@@ -84,7 +84,7 @@ def run_dry_once(run: Callable[[], None], sources: Iterable[str], *contents: str
 
 def check_vector(name: str, value: object, count: int, *, per: str) -> None:
     """Raise MistakeError unless a result is a vector of `count` numbers, one per `per`."""
-    entries = value if isinstance(value, tuple | np.ndarray) else ()
+    entries = value if isinstance(value, tuple) else ()
     if len(entries) != count or any(np.ndim(entry) for entry in entries):
         raise MistakeError(f'{name} returns {text_of(value)}: expected {_vector(count)}, {per}')
 

@@ -38,7 +38,6 @@ from masmc_ros.jit.sized_records import (
     SizedRecordType,
     start_of_field,
 )
-from masmc_ros.jit.tuples import entry_place, is_array, LONGEST, new_vector, VECTOR
 from masmc_ros.jit.vectors import VectorType
 from numba import types
 from numba.core import cgutils
@@ -83,7 +82,7 @@ class Lane:
         values = self._values(name)
         if values.ndim == 0:
             return values[()]
-        return tuple(values) if len(values) <= LONGEST else values.copy()
+        return tuple(values)
 
     def __setattr__(self, name: str, value: ArrayLike) -> None:
         """Write a number or a vector into a field."""
@@ -145,7 +144,7 @@ class LaneType(types.Type):
         shape = self.shape(name)
         if len(shape) == 1:
             return self.number(name)
-        return types.UniTuple(self.number(name), shape[0]) if shape[0] <= LONGEST else VECTOR
+        return types.UniTuple(self.number(name), shape[0])
 
     def array_of(self, name: str) -> Type:
         """Return the array type of the components of a field."""
@@ -215,7 +214,7 @@ def lane_of(record: Record | Array, lane: int) -> Any:
 
 
 def _type_of_lane(context: TypingContext, record: Type, lane: Type) -> Type:
-    if is_array(record):
+    if isinstance(record, types.Array):
         return types.Array(record.dtype, record.ndim - 1, 'A')
     if isinstance(record, SizedRecordType):
         return SizedLaneType(record)
@@ -225,7 +224,7 @@ def _type_of_lane(context: TypingContext, record: Type, lane: Type) -> Type:
 @generated(lane_of, _type_of_lane)
 def _lane_of(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     lane = compiler.cast(values[1], kinds[1], types.intp)
-    if not is_array(kinds[0]):
+    if not isinstance(kinds[0], types.Array):
         return cgutils.pack_struct(compiler.builder, [values[0], lane])
     # Without an owner, reference counting does not prevent loops over lanes from vectorising.
     context, build = compiler.context, compiler.builder
@@ -363,13 +362,6 @@ def _read(
 ) -> IrValue:
     compiler = Compiler(context, builder, kind.type_of(name))
     count = kind.shape(name)[0]
-    if is_array(compiler.result):
-        size = context.get_constant(types.intp, count)
-        out = new_vector(compiler, size)
-        with cgutils.for_range(builder, size) as loop:
-            place = _component(compiler, kind, value, name, loop.index)
-            builder.store(builder.load(place), entry_place(compiler, VECTOR, out, loop.index))
-        return out
     if not isinstance(compiler.result, types.BaseTuple):
         return builder.load(_component(compiler, kind, value, name, 0))
     return compiler.tuple_of([
@@ -384,12 +376,6 @@ def _write(
     # Numba has converted the value to the type of the field.
     kind, value_kind = signature.args
     compiler = Compiler(context, builder, value_kind)
-    count = kind.shape(name)[0]
-    if is_array(value_kind):
-        with cgutils.for_range(builder, context.get_constant(types.intp, count)) as loop:
-            number = builder.load(entry_place(compiler, VECTOR, values[1], loop.index))
-            builder.store(number, _component(compiler, kind, values[0], name, loop.index))
-        return
     entries = [values[1]]
     if isinstance(value_kind, types.BaseTuple):
         entries = compiler.entries(values[1], value_kind)

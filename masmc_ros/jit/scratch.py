@@ -24,7 +24,7 @@ from masmc_ros.jit.generated import (
     Types,
     TypingContext,
 )
-from masmc_ros.jit.tuples import FLOAT, new_array
+from masmc_ros.jit.tuples import FLOAT
 from masmc_ros.jit.vectors import VectorType
 from numba import types
 from numba.core import cgutils
@@ -39,6 +39,8 @@ Sizes are no multiples of 4 KiB, because processors first mistake such addresses
 
 
 CACHE_LINE = 64
+
+VECTOR = types.Array(FLOAT, 1, 'C')
 
 
 def scratch(*shape: int) -> Array:
@@ -64,17 +66,26 @@ def lasting(like: Numbers, *shape: int) -> Array:
 @formula
 def clear(array: Array) -> None:
     """Write zeros into an array; the compiled code is much shorter than for `array[:] = 0.0`."""
-    flat = array.reshape(array.size)
-    for i in range(len(flat)):
-        flat[i] = 0.0
+    # The compiler omits the branch of the other dimension.
+    if array.ndim == 1:
+        for i in range(len(array)):
+            array[i] = 0.0
+    else:
+        for i in range(array.shape[0]):
+            for j in range(array.shape[1]):
+                array[i, j] = 0.0
 
 
 @formula
 def copy_into(array: Array, values: Array) -> None:
-    """Copy an array into another one of the same shape, both in row-major order."""
-    flat, source = array.reshape(array.size), values.reshape(values.size)
-    for i in range(len(flat)):
-        flat[i] = source[i]
+    """Copy an array into another one of the same shape."""
+    if array.ndim == 1:
+        for i in range(len(array)):
+            array[i] = values[i]
+    else:
+        for i in range(array.shape[0]):
+            for j in range(array.shape[1]):
+                array[i, j] = values[i, j]
 
 
 def _type_of_scratch(context: TypingContext, *shape: Type) -> Type:
@@ -107,7 +118,7 @@ def _scratch(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
         with then:
             build.store(array_over(compiler, compiler.result, room, lengths), buffer)
         with otherwise:
-            build.store(new_array(compiler, compiler.result, lengths), buffer)
+            build.store(_on_heap(compiler, lengths), buffer)
     return build.load(buffer)
 
 
@@ -115,10 +126,21 @@ def _scratch(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
 def _lasting(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     lengths, count = _lengths(compiler, kinds[1:], values[1:])
     if not isinstance(kinds[0], VectorType):
-        return new_array(compiler, compiler.result, lengths)
+        return _on_heap(compiler, lengths)
     workspace = vectors.workspace_of(compiler, values[0])
     data = vectors.data_of(compiler, vectors.new_vector(compiler, FLOAT, count, workspace))
     return array_over(compiler, compiler.result, data, lengths)
+
+
+def _empty(shape: int | tuple[int, ...]) -> Array:
+    return np.empty(shape)
+
+
+def _on_heap(compiler: Compiler, lengths: list[IrValue]) -> IrValue:
+    if len(lengths) == 1:
+        return compiler.run(_empty, (types.intp,), lengths)
+    kind = types.UniTuple(types.intp, len(lengths))
+    return compiler.run(_empty, (kind,), (compiler.tuple_of(lengths, kind),))
 
 
 def array_over(

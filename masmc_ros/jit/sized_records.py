@@ -19,14 +19,21 @@ import operator
 from typing import Any
 import zlib
 
-from masmc_ros.aliases import Records
-from masmc_ros.jit.generated import Builder, Compiler, IrValue, IrValues, Type, Types
+from masmc_ros.aliases import Function, Records
+from masmc_ros.jit.generated import Builder, Compiler, IrValue, IrValues, Type, TypingContext
 from masmc_ros.jit.vectors import is_sized, workspace_of_function
 from numba import typeof, types
 from numba.core import cgutils
 from numba.core.datamodel.manager import DataModelManager
-from numba.core.typing.templates import AbstractTemplate, infer_global, Signature, signature
-from numba.extending import lower_builtin, models, NativeValue, register_model, unbox
+from numba.core.typing import Signature
+from numba.extending import (
+    lower_builtin,
+    models,
+    NativeValue,
+    register_model,
+    type_callable,
+    unbox,
+)
 import numpy as np
 
 ir = cgutils.ir
@@ -239,14 +246,14 @@ def _unbox(kind: SizedRecordsType, obj: Type, c: Type) -> NativeValue:
     return NativeValue(value, is_error=c.builder.load(failed), cleanup=cleanup)
 
 
-@infer_global(operator.getitem)
-class _Item(AbstractTemplate):
-    key = operator.getitem
-
-    def generic(self, args: Types, kws: object) -> Signature | None:
-        if not isinstance(args[0], SizedRecordsType) or not isinstance(args[1], types.Integer):
+@type_callable(operator.getitem)
+def _type_of_item(context: TypingContext) -> Function:
+    def typer(records: Type, i: Type) -> Type | None:
+        if not isinstance(records, SizedRecordsType) or not isinstance(i, types.Integer):
             return None
-        return signature(SizedRecordType(args[0].schema), args[0], types.intp)
+        return SizedRecordType(records.schema)(records, types.intp)
+
+    return typer
 
 
 @lower_builtin(operator.getitem, SizedRecordsType, types.intp)
@@ -257,13 +264,9 @@ def _item(context: Type, builder: Builder, sig: Signature, args: IrValues) -> Ir
     return cgutils.pack_struct(builder, [data, data, workspace_of_function(compiler)])
 
 
-@infer_global(len)
-class _Length(AbstractTemplate):
-    key = len
-
-    def generic(self, args: Types, kws: object) -> Signature | None:
-        is_records = len(args) == 1 and isinstance(args[0], SizedRecordsType)
-        return signature(types.intp, *args) if is_records else None
+@type_callable(len)
+def _type_of_length(context: TypingContext) -> Function:
+    return lambda records: types.intp if isinstance(records, SizedRecordsType) else None
 
 
 @lower_builtin(len, SizedRecordsType)

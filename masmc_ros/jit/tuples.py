@@ -4,9 +4,8 @@
 """
 Operations on vectors of any length in formulas: elementwise functions, sums of products, parts.
 
-A vector of up to LONGEST entries is a tuple, which the compiler unrolls. A longer vector of a
-record is an array, which compiled code processes in loops. Functions before `matrix_times` accept
-both. All functions accept the vectors of `vectors.py`, whose lengths are known at run time.
+A vector of constant length is a tuple, which the compiler unrolls. All functions also accept the
+vectors of `vectors.py`, whose lengths are known at run time.
 
 Sums start with zero and then add the first entry, so they are bitwise identical everywhere.
 """
@@ -16,8 +15,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-from masmc_ros.aliases import Array, Columns, Function, Numbers
+from masmc_ros.aliases import Columns, Function, Numbers
 from masmc_ros.jit import vectors
+from masmc_ros.jit.compiled import formula
 from masmc_ros.jit.generated import (
     called,
     Compiler,
@@ -32,18 +32,11 @@ from masmc_ros.jit.generated import (
 from masmc_ros.jit.vectors import MatrixType, NUMBERS, short_loop, VectorType
 from numba import types
 from numba.core import cgutils
-import numpy as np
 
 FLOAT = types.float64
-VECTOR = types.Array(FLOAT, 1, 'C')
-MATRIX = types.Array(FLOAT, 2, 'C')
 
 _Argument = TypeVar('_Argument')
 _Entry = TypeVar('_Entry')
-
-LONGEST = 48
-"""Largest number of entries of a vector that is a tuple."""
-
 
 def _floats(n: int) -> types.Type:
     return types.UniTuple(FLOAT, n)
@@ -53,63 +46,25 @@ def _is_tuple(kind: types.Type) -> bool:
     return isinstance(kind, types.BaseTuple)
 
 
-def is_array(kind: types.Type) -> bool:
-    """Return True if a vector of this type is an array."""
-    return isinstance(kind, types.Array)
-
-
-def _is_vector(kind: types.Type) -> bool:
-    return _is_tuple(kind) or is_array(kind)
-
-
 def _has_sized(kinds: Types) -> bool:
     return any(isinstance(kind, VectorType) for kind in kinds)
 
 
-def _empty(shape: tuple[int, ...]) -> Array:
-    return np.empty(shape)
-
-
-def new_array(compiler: Compiler, kind: types.Array, lengths: IrValues) -> IrValue:
-    """Return an uninitialised array on the heap."""
-    pair = types.UniTuple(types.intp, len(lengths))
-    shape = compiler.tuple_of(lengths, pair)
-    return compiler.internal(_empty, kind, (pair,), (shape,))
-
-
-def new_vector(compiler: Compiler, count: IrValue) -> IrValue:
-    """Return an uninitialised array of `count` numbers on the heap."""
-    return new_array(compiler, VECTOR, [count])
-
-
-def entry_place(compiler: Compiler, kind: Type, value: IrValue, i: IrValue) -> IrValue:
-    """Return a pointer to an entry of an array."""
-    array = compiler.context.make_array(kind)(compiler.context, compiler.builder, value)
-    return cgutils.get_item_pointer(compiler.context, compiler.builder, kind, array, [i])
-
-
-def _length(compiler: Compiler, kind: Type, value: IrValue) -> IrValue:
-    array = compiler.context.make_array(kind)(compiler.context, compiler.builder, value)
-    return compiler.builder.extract_value(array.shape, 0)
-
-
 def elementwise(function: Function, *arguments: object) -> Any:
     """Return the vector of function(a, b, ...) by entries; a number applies to all entries."""
-    vectors = [a for a in arguments if isinstance(a, tuple | np.ndarray)]
+    vectors = [a for a in arguments if isinstance(a, tuple)]
     lengths = [len(vector) for vector in vectors]
     if len(set(lengths)) != 1:
         raise ValueError(f'elementwise: expected vectors of one length, got {lengths}')
-    entries = (
-        function(*(a[i] if isinstance(a, tuple | np.ndarray) else a for a in arguments))
+    return tuple(
+        function(*(a[i] if isinstance(a, tuple) else a for a in arguments))
         for i in range(len(vectors[0]))
     )
-    return tuple(entries) if isinstance(vectors[0], tuple) else np.array(list(entries))
 
 
 def _types_of_entry(kinds: Types, i: int) -> tuple[types.Type, ...]:
     return tuple(
-        kind[i] if _is_tuple(kind) else kind.dtype if is_array(kind)
-        else kind.entry if isinstance(kind, VectorType) else kind
+        kind[i] if _is_tuple(kind) else kind.entry if isinstance(kind, VectorType) else kind
         for kind in kinds
     )
 
@@ -117,8 +72,6 @@ def _types_of_entry(kinds: Types, i: int) -> tuple[types.Type, ...]:
 def _type_of_elementwise(context: TypingContext, function: Type, *kinds: Type) -> Type:
     if _has_sized(kinds):
         return VectorType(called(context, function, _types_of_entry(kinds, 0)).return_type)
-    if any(map(is_array, kinds)):
-        return VECTOR
     count = next(len(kind) for kind in kinds if _is_tuple(kind))
     return tuple_type(
         called(context, function, _types_of_entry(kinds, i)).return_type for i in range(count)
@@ -130,8 +83,6 @@ def _elementwise(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     function, kinds, values = kinds[0], kinds[1:], values[1:]
     if isinstance(compiler.result, VectorType):
         return _elementwise_of_sized(compiler, function, kinds, values)
-    if is_array(compiler.result):
-        return _elementwise_of_arrays(compiler, function, kinds, values)
     rows = [
         compiler.entries(value, kind) if _is_tuple(kind) else value
         for kind, value in zip(kinds, values, strict=True)
@@ -145,26 +96,6 @@ def _elementwise(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
         )
         for i in range(len(compiler.result))
     ])
-
-
-def _elementwise_of_arrays(
-    compiler: Compiler, function: Type, kinds: Types, values: IrValues
-) -> IrValue:
-    build = compiler.builder
-    count = next(
-        _length(compiler, kind, value)
-        for kind, value in zip(kinds, values, strict=True)
-        if is_array(kind)
-    )
-    out = new_vector(compiler, count)
-    with cgutils.for_range(build, count) as loop:
-        entries = [
-            build.load(entry_place(compiler, kind, value, loop.index)) if is_array(kind) else value
-            for kind, value in zip(kinds, values, strict=True)
-        ]
-        entry = compiler.call(function, FLOAT, _types_of_entry(kinds, 0), entries)
-        build.store(entry, entry_place(compiler, VECTOR, out, loop.index))
-    return out
 
 
 def _elementwise_of_sized(
@@ -191,16 +122,13 @@ def from_index(
     argument: _Argument,
 ) -> tuple[_Entry, ...]:
     """Return the vector of function(argument, i) for every index i of `template`."""
-    entries = [function(argument, i) for i in range(len(template))]
-    return tuple(entries) if isinstance(template, tuple) else np.array(entries)
+    return tuple(function(argument, i) for i in range(len(template)))
 
 
 def _type_of_table(context: TypingContext, function: Type, template: Type, argument: Type) -> Type:
     row = called(context, function, (argument, types.intp)).return_type
     if vectors.is_sized(template):
         return vectors.ROWS if isinstance(row, VectorType) else VectorType(row)
-    if is_array(template):
-        return MATRIX if _is_tuple(row) else VECTOR
     return tuple_type([row] * len(template))
 
 
@@ -211,8 +139,6 @@ def _from_index(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
         return _rows_of_sized(compiler, kinds, values)
     if vectors.is_sized(template):
         return _table_of_sized(compiler, kinds, values)
-    if is_array(template):
-        return _table_of_array(compiler, kinds, values)
     return compiler.tuple_of([
         compiler.call(
             function,
@@ -258,42 +184,12 @@ def _rows_of_sized(compiler: Compiler, kinds: Types, values: IrValues) -> IrValu
     return build.load(matrix)
 
 
-def _table_of_array(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
-    function, template, argument = kinds
-    context, build = compiler.context, compiler.builder
-    row = called(context.typing_context, function, (argument, types.intp)).return_type
-    count = _length(compiler, template, values[1])
-    wide = [context.get_constant(types.intp, len(row))] if _is_tuple(row) else []
-    out = new_array(compiler, compiler.result, [count, *wide])
-    array = context.make_array(compiler.result)(context, build, out)
-    with cgutils.for_range(build, count) as loop:
-        entry = compiler.call(function, row, (argument, types.intp), (values[2], loop.index))
-        entries = compiler.entries(entry, row) if _is_tuple(row) else [entry]
-        for j, value in enumerate(entries):
-            at = [loop.index]
-            if _is_tuple(row):
-                at.append(context.get_constant(types.intp, j))
-            place = cgutils.get_item_pointer(context, build, compiler.result, array, at)
-            build.store(value, place)
-    return out
-
-
 def dot(a: Numbers, b: Numbers) -> float:
     """Return the sum of the products of entries."""
     total = 0.0
     for i in range(len(a)):
         total += a[i] * b[i]
     return total
-
-
-def _sum_of_products(compiler: Compiler, a: IrValues, b: IrValues) -> IrValue:
-    total = compiler.number(0.0)
-    for x, y in zip(a, b, strict=True):
-        total = compiler.builder.fadd(total, compiler.builder.fmul(x, y))
-    return total
-
-
-_dot_of_arrays = dot
 
 
 def _dot_of_sized(compiler: Compiler, kinds: Types, a: IrValue, b: IrValue) -> IrValue:
@@ -312,36 +208,24 @@ def _dot_of_sized(compiler: Compiler, kinds: Types, a: IrValue, b: IrValue) -> I
 def _dot(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     if isinstance(kinds[0], VectorType):
         return _dot_of_sized(compiler, kinds, *values)
-    if is_array(kinds[0]):
-        return compiler.run(_dot_of_arrays, kinds, values)
-    return _sum_of_products(
-        compiler, *(compiler.entries(v, k) for v, k in zip(values, kinds, strict=True))
-    )
+    total = compiler.number(0.0)
+    entries = (compiler.entries(v, k) for v, k in zip(values, kinds, strict=True))
+    for x, y in zip(*entries, strict=True):
+        total = compiler.builder.fadd(total, compiler.builder.fmul(x, y))
+    return total
 
 
 def unit(template: Numbers, i: int) -> Numbers:
     """Return the i-th unit vector, as long as `template`."""
-    if isinstance(template, tuple):
-        return tuple(1.0 if j == i else 0.0 for j in range(len(template)))
-    return _unit_array(template, i)
-
-
-def _unit_array(template: Array, i: int) -> Array:
-    out = np.zeros(len(template))
-    out[i] = 1.0
-    return out
+    return tuple(1.0 if j == i else 0.0 for j in range(len(template)))
 
 
 def _type_of_unit(context: TypingContext, template: Type, i: Type) -> Type:
-    if isinstance(template, VectorType):
-        return NUMBERS
-    return VECTOR if is_array(template) else _floats(len(template))
+    return NUMBERS if isinstance(template, VectorType) else _floats(len(template))
 
 
 @generated(unit, _type_of_unit)
 def _unit(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
-    if is_array(kinds[0]):
-        return compiler.run(_unit_array, kinds, values)
     place = compiler.cast(values[1], kinds[1], types.intp)
     one, zero = compiler.number(1.0), compiler.number(0.0)
     if isinstance(kinds[0], VectorType):
@@ -359,74 +243,28 @@ def _unit(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     ])
 
 
-def matrix_times(columns: tuple[Numbers, ...], x: Numbers) -> Numbers:
+@formula
+def matrix_times(columns: Columns, x: Numbers) -> Numbers:
     """Return a matrix times a vector; the matrix is a tuple of its columns."""
-    return tuple(dot(tuple(c[i] for c in columns), x) for i in range(len(columns[0])))
+    return from_index(_entry_of_product, columns[0], (columns, x))
 
 
-def _type_of_product(context: TypingContext, columns: Type, x: Type) -> Type:
-    return NUMBERS if isinstance(columns, MatrixType) else _floats(len(columns[0]))
+@formula
+def _entry_of_product(factors: tuple[Columns, Numbers], i: int) -> float:
+    columns, x = factors
+    total = 0.0
+    for j in range(len(x)):
+        total += columns[j][i] * x[j]
+    return total
 
 
-@generated(matrix_times, _type_of_product)
-def _matrix_times(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
-    if isinstance(kinds[0], MatrixType):
-        return _matrix_times_sized(compiler, *values)
-    columns = [compiler.entries(c, kinds[0][0]) for c in compiler.entries(values[0], kinds[0])]
-    x = compiler.entries(values[1], kinds[1])
-    return compiler.tuple_of([
-        _sum_of_products(compiler, [column[i] for column in columns], x)
-        for i in range(len(columns[0]))
-    ])
-
-
-def _matrix_times_sized(compiler: Compiler, matrix: IrValue, x: IrValue) -> IrValue:
-    build = compiler.builder
-    size, workspace = (
-        vectors.columns_of(compiler, matrix), vectors.workspace_of(compiler, matrix)
-    )
-    out = vectors.new_vector(compiler, FLOAT, size, workspace)
-    total = cgutils.alloca_once(build, compiler.context.get_value_type(FLOAT))
-    with short_loop(build, size) as i:
-        build.store(compiler.number(0.0), total)
-        with short_loop(build, vectors.count_of(compiler, x)) as j:
-            column = vectors.row_of(compiler, matrix, j)
-            entry = vectors.load_entry(compiler, NUMBERS, column, i)
-            product = build.fmul(entry, vectors.load_entry(compiler, NUMBERS, x, j))
-            build.store(build.fadd(build.load(total), product), total)
-        vectors.store_entry(compiler, NUMBERS, out, i, build.load(total))
-    return out
-
-
+@formula
 def least(vector: Numbers) -> float:
     """Return the smallest entry."""
     smallest = vector[0]
-    for value in vector:
-        smallest = value if value < smallest else smallest
+    for i in range(1, len(vector)):
+        smallest = vector[i] if vector[i] < smallest else smallest
     return smallest
-
-
-@generated(least, lambda context, vector: FLOAT)
-def _least(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
-    build = compiler.builder
-    if isinstance(kinds[0], VectorType):
-        return _least_of_sized(compiler, kinds[0], values[0])
-    smallest, *others = compiler.entries(values[0], kinds[0])
-    for value in others:
-        smallest = build.select(build.fcmp_ordered('<', value, smallest), value, smallest)
-    return smallest
-
-
-def _least_of_sized(compiler: Compiler, kind: VectorType, vector: IrValue) -> IrValue:
-    build, zero = compiler.builder, compiler.context.get_constant(types.intp, 0)
-    smallest = cgutils.alloca_once_value(
-        build, vectors.load_entry(compiler, kind, vector, zero)
-    )
-    with short_loop(build, vectors.count_of(compiler, vector)) as i:
-        value, least = vectors.load_entry(compiler, kind, vector, i), build.load(smallest)
-        is_less = build.fcmp_ordered('<', value, least)
-        build.store(build.select(is_less, value, least), smallest)
-    return build.load(smallest)
 
 
 def head(vector: Numbers, as_many: Numbers) -> Numbers:

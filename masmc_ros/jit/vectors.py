@@ -20,6 +20,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 import operator
 
+from masmc_ros.aliases import Function
 from masmc_ros.errors import InputError
 from masmc_ros.jit.generated import (
     Builder,
@@ -29,13 +30,14 @@ from masmc_ros.jit.generated import (
     IrValues,
     Type,
     Types,
+    TypingContext,
 )
 from numba import types
 from numba.core import cgutils
 from numba.core.datamodel.manager import DataModelManager
 from numba.core.imputils import iternext_impl, RefType
-from numba.core.typing.templates import AbstractTemplate, infer_global, Signature, signature
-from numba.extending import lower_builtin, models, register_model
+from numba.core.typing import Signature
+from numba.extending import lower_builtin, models, register_model, type_callable
 
 ir = cgutils.ir
 
@@ -400,39 +402,25 @@ def _loop_options(module: IrValue, *, is_vectorised: bool) -> IrValue:
 # Operations in the language: length, entries and comparison.
 
 
-@infer_global(len)
-class _Length(AbstractTemplate):
-    key = len
-
-    def generic(self, args: Types, kws: object) -> Signature | None:
-        return signature(types.intp, *args) if len(args) == 1 and is_sized(args[0]) else None
+@type_callable(len)
+def _type_of_length(context: TypingContext) -> Function:
+    return lambda value: types.intp if is_sized(value) else None
 
 
-@infer_global(operator.getitem)
-class _Entry(AbstractTemplate):
-    key = operator.getitem
-
-    def generic(self, args: Types, kws: object) -> Signature | None:
-        if not is_sized(args[0]) or not isinstance(args[1], types.Integer):
+@type_callable(operator.getitem)
+def _type_of_entry(context: TypingContext) -> Function:
+    def typer(value: Type, i: Type) -> Type | None:
+        if not is_sized(value) or not isinstance(i, types.Integer):
             return None
-        result = args[0].entry if isinstance(args[0], VectorType) else NUMBERS
-        return signature(result, args[0], types.intp)
+        return (value.entry if isinstance(value, VectorType) else NUMBERS)(value, types.intp)
+
+    return typer
 
 
-class _Comparison(AbstractTemplate):
-    def generic(self, args: Types, kws: object) -> Signature | None:
-        are_vectors = all(isinstance(kind, VectorType) for kind in args) and args[0] == args[1]
-        return signature(types.boolean, *args) if are_vectors else None
-
-
-@infer_global(operator.eq)
-class _Equal(_Comparison):
-    key = operator.eq
-
-
-@infer_global(operator.ne)
-class _Different(_Comparison):
-    key = operator.ne
+@type_callable(operator.eq)
+@type_callable(operator.ne)
+def _type_of_comparison(context: TypingContext) -> Function:
+    return lambda a, b: types.boolean if isinstance(a, VectorType) and a == b else None
 
 
 @lower_builtin(len, VectorType)

@@ -16,9 +16,9 @@ from __future__ import annotations
 import math
 
 from masmc_ros.aliases import Array, Numbers
-from masmc_ros.jit.bits import bits_of, power_of_two, with_sign_flipped
 from masmc_ros.jit.compiled import formula
 from masmc_ros.jit.tuples import elementwise
+from masmc_ros.numerics.bits import bits_of, power_of_two, with_sign_flipped
 
 # Adding and subtracting 1.5 * 2**52 rounds a double of moderate size to the nearest integer.
 _ROUND = 6755399441055744.0

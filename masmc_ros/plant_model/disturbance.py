@@ -6,12 +6,13 @@
 from __future__ import annotations
 
 from masmc_ros.aliases import Array, Record
-from masmc_ros.jit.bits import bits_of
 from masmc_ros.jit.compiled import formula
 from masmc_ros.jit.lanes import lane_of
 from masmc_ros.jit.record import lane_count
 from masmc_ros.jit.tuples import elementwise
+from masmc_ros.numerics.bits import bits_of
 from masmc_ros.numerics.portable_math import padded, sines, write_sines
+import numpy as np
 
 
 @formula
@@ -64,7 +65,7 @@ def waves_of_step(plant: Record) -> int:
 def shares_waves(plant: Record) -> bool:
     """Return True if disturbances of all lanes have the same frequencies and phases."""
     frequency, phase = plant['frequency'], plant['phase']
-    others = 0
+    others = np.int64(0)
     if lane_count(plant) > 1:
         for j in range(len(phase)):
             for lane in range(lane_count(plant)):

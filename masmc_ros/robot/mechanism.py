@@ -12,8 +12,7 @@ rates, and the forces conjugate to them.
 A `Mechanism` (`declaration.py`) declares names and numbers, and the module with the formulas: all
 of this file, under the same names. The type of `model`, the named tuple of the mechanism's
 constant lengths, selects them. All are pure and use SI units, radians and, for a task, the world
-frame by REP-103. Vectors are tuples; theta and vectors as long are arrays if they have more than
-`jit.tuples.LONGEST` entries. With the size `jit.record.AT_RUN_TIME`, one compiled code
+frame by REP-103. Vectors are tuples. With the size `jit.record.AT_RUN_TIME`, one compiled code
 serves mechanisms of all sizes, and vectors are those of `jit.vectors`. `template` is a vector
 of the kind and length of the result. Built-in mechanisms are next to this file; plug-ins use entry
 points (`mechanisms.py`).

@@ -1,14 +1,14 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Scratch arrays of a function, and several arrays in one buffer."""
+"""Scratch arrays of a function, and vectors as arrays."""
 
 from __future__ import annotations
 
 import resource
 from typing import Any
 
-from masmc_ros.jit.arrays import array_of, read_along, split_buffer, to_vector, write_along
+from masmc_ros.jit.arrays import array_of, read_along, to_vector, write_along
 from masmc_ros.jit.compiled import formula, inlined, kernel
 from masmc_ros.jit.scratch import clear, copy_into, MOST, scratch
 import numpy as np
@@ -70,31 +70,13 @@ def test_scratch_matrix_any_shape_is_usable(rows: int, columns: int) -> None:
     assert np.array_equal(_matrix(rows, columns), expected)
 
 
-@kernel
-def _parts(size: int) -> Any:
-    frames, screws = split_buffer(np.empty(4 * size), size, 3, size, 1)
-    for i in range(size):
-        for j in range(3):
-            frames[i, j] = 3.0 * i + j
-        screws[i, 0] = 3.0 * size + i
-    return frames, screws
-
-
-def test_parted_views_keep_shared_buffer_alive() -> None:
-    frames, screws = _parts(4)
-    assert np.array_equal(frames.ravel(), np.arange(12.0))
-    del frames
-    assert np.array_equal(screws.ravel(), np.arange(12.0, 16.0))
-
-
 def test_scratch_repeated_calls_do_not_leak_memory() -> None:
     size = 10 * MOST[1]
-    _vector(size), _parts(size)
+    _vector(size)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     # Without release, these calls would need 640 MB.
     for _ in range(8000):
         _vector(size // 5 + 1)
-        _parts(size)
     kilobytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
     assert kilobytes < 100_000
 

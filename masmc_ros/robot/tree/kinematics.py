@@ -23,7 +23,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from masmc_ros.aliases import Array, Numbers
-from masmc_ros.jit.arrays import array_of, read_part, split_buffer, write_part
+from masmc_ros.jit.arrays import array_of, read_part, write_part
 from masmc_ros.jit.compiled import formula, kernel
 from masmc_ros.jit.scratch import clear, lasting, scratch
 from masmc_ros.numerics.portable_math import padded, sin_cos, write_sines_and_cosines
@@ -115,9 +115,8 @@ def place(
 
     """
     bodies, base = bodies_of(model), base_of(model)
-    rows, wide = base + bodies - 1, _POSITION + 1
-    buffer = lasting(position, bodies * wide + rows * 6)
-    frames, motion_subspaces = split_buffer(buffer, bodies, wide, rows, 6)
+    frames = lasting(position, bodies, _POSITION + 1)
+    motion_subspaces = lasting(position, base + bodies - 1, 6)
     write_part(frames, 0, 0, ROTATION)
     write_part(frames, 0, ORIGIN, VECTOR)
     for k in range(base):

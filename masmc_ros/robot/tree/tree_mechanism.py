@@ -17,7 +17,6 @@ import xml.etree.ElementTree as ElementTree
 from masmc_ros.aliases import Array, Flags
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.jit.record import AT_RUN_TIME
-from masmc_ros.jit.tuples import LONGEST
 from masmc_ros.params.declaration import MutableValues, Parameter, Value, Values
 from masmc_ros.robot.declaration import (
     Coordinate,
@@ -59,7 +58,7 @@ from masmc_ros.robot.tree.postures import (
 from masmc_ros.robot.tree.spatial import PER_BODY, rotate, transpose
 from masmc_ros.robot.tree.task.outputs import Task, task_of, TaskRobot
 from masmc_ros.robot.tree.task.task import POSE
-from masmc_ros.robot.tree.tree_model import packed
+from masmc_ros.robot.tree.tree_model import MOST_COORDINATES, packed
 from masmc_ros.robot.urdf import Description, Joint, read_urdf, read_urdf_file, urdf_text
 import numpy as np
 
@@ -643,10 +642,10 @@ def _made(urdf: str, own: tuple[Value, ...], version: tuple[int, ...]) -> TreeMe
     model = _model(robot, task, values, limited)
     followed = followed_base(robot, task, _rest(robot, values))
     joints = len(drives) + len(arm)
-    if len(_POSE) + joints > LONGEST:
+    if len(_POSE) + joints > MOST_COORDINATES:
         raise InputError(
-            f'{where}: {joints} joints; expected up to {LONGEST - len(_POSE)}: name those to be'
-            ' controlled in robot.joints'
+            f'{where}: {joints} joints; expected up to {MOST_COORDINATES - len(_POSE)}: name those'
+            ' to be controlled in robot.joints'
         )
     tips = task.frames or (tip,)
     efforts = robot.limits.effort

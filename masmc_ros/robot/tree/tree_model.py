@@ -27,6 +27,9 @@ REVOLUTE, PRISMATIC = 0, 1
 FIXED, DIFFERENTIAL, OMNIDIRECTIONAL = 0, 2, 3
 """Types of bases; each value is the number of base velocities."""
 
+MOST_COORDINATES = 48
+"""Largest number of positions of a robot, and of axes of its task."""
+
 
 class Tree(NamedTuple):
     """Bodies; 0 is the base, and every other one comes after its parent."""

@@ -493,17 +493,18 @@ def _inverse(matrix: NDArray[np.float64], what: str) -> NDArray[np.float64]:
 @formula
 def into_base(model: TreeModel, values: Array, transposed: bool) -> None:
     """Map the base's part of a vector from the wheels' rates, or from torques by the inverse's."""
-    _map(model, values, transposed, not transposed)
+    _map(model, values, bool(transposed), not transposed)
 
 
 @formula
 def into_wheels(model: TreeModel, values: Array, transposed: bool) -> None:
     """Map the base's part of a vector to the wheels' rates, or to torques by the inverse's."""
-    _map(model, values, transposed, transposed)
+    _map(model, values, bool(transposed), bool(transposed))
 
 
 @kernel
 def _map(model: TreeModel, values: Array, transposed: bool, by_base_rates: bool) -> None:
+    # Callers convert constants by `bool`: the function would be compiled for each combination.
     base = base_of(model)
     if base == FIXED:
         return

@@ -66,12 +66,14 @@ def frame_transforms(origins: Array, position: Array) -> NDArray[np.float64]:
         Translation x, y, z in m and rotation as a quaternion x, y, z, w, child in parent.
 
     """
-    out = np.zeros((len(position), 6, 7))
+    out = np.empty((len(position), 6, 7))
     for k in range(len(position)):
         row = position[k]
         for i in range(6):
             for j in range(3):
                 out[k, i, j] = origins[i, j]
+            for j in range(3, 7):
+                out[k, i, j] = 0.0
         out[k, 0, 0] = row[0]
         out[k, 0, 1] = row[1]
         out[k, 0, 5], out[k, 0, 6] = sin_cos(0.5 * row[2])

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from masmc_ros.aliases import Array
 from masmc_ros.jit.compiled import kernel
+from masmc_ros.jit.scratch import clear
 from masmc_ros.numerics.portable_math import sin_cos
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +24,9 @@ def base_motion(
     `base_link`: linear in m/s, angular in rad/s.
     """
     n = len(position)
-    pose = np.zeros((n, 7))
-    twist = np.zeros((n, 6))
+    pose, twist = np.empty((n, 7)), np.empty((n, 6))
+    clear(pose)
+    clear(twist)
     for k in range(n):
         pose[k, 0] = position[k, 0]
         pose[k, 1] = position[k, 1]

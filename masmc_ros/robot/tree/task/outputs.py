@@ -15,8 +15,8 @@ from string import ascii_uppercase
 from typing import NamedTuple
 
 from masmc_ros.errors import InputError, suggestion
-from masmc_ros.jit.tuples import LONGEST
 from masmc_ros.robot.declaration import Coordinate, Point, Quantity
+from masmc_ros.robot.tree.tree_model import MOST_COORDINATES
 
 OUTPUTS = {
     'pose': (0, 1, 2, 3, 4, 5),
@@ -102,8 +102,8 @@ def task_of(texts: Sequence[str], task_robot: TaskRobot) -> Task:
             else:
                 joint = task_robot.joints[axis]
                 axes.append(Quantity(joint.name, joint.unit))
-    if not 0 < len(axes) <= LONGEST:
-        raise InputError(f'robot.task: {len(axes)} axes; expected 1 to {LONGEST}')
+    if not 0 < len(axes) <= MOST_COORDINATES:
+        raise InputError(f'robot.task: {len(axes)} axes; expected 1 to {MOST_COORDINATES}')
     return Task(frames, tuple(places), tuple(axes), _points(outputs, axes))
 
 
