@@ -300,15 +300,17 @@ def _with_memory(text: str) -> str:
     called = re.compile(r'(\bcall [^@\n]*@)("[^"\n]*"|[\w.$-]+)\((?=([^\n]))')
     defined = re.compile(r'^(define [^@\n]*@)("[^"\n]*"|[\w.$-]+)\((?=([^\n]))', re.M)
     callees: dict[str, set[str]] = {}
+    own = set()
     for part in re.split(r'^(?=define )', text, flags=re.M)[1:]:
         start = defined.match(part)
         assert start is not None
         callees[start.group(2)] = {call.group(2) for call in called.finditer(part)}
+        if f'{_MEMORY} = alloca' in part:
+            own.add(start.group(2))
     users, size = {_ALLOCATION, _RELEASE}, 0
     while len(users) > size:
         size = len(users)
         users |= {name for name, calls in callees.items() if calls & users}
-    own = {name for name in users if f'{_MEMORY} = alloca' in _body(text, name)}
 
     def inserted(pointer: str) -> Callable[[re.Match[str]], str]:
         def replacement(match: re.Match[str]) -> str:
@@ -323,12 +325,6 @@ def _with_memory(text: str) -> str:
     declared = re.compile(r'^(declare [^@\n]*@)("[^"\n]*"|[\w.$-]+)\((?=([^\n]))', re.M)
     text = declared.sub(inserted('ptr'), text)
     return text.replace(f'declare noalias ptr @{_ALLOCATION}', f'declare ptr @{_ALLOCATION}')
-
-
-def _body(text: str, name: str) -> str:
-    """Return the intermediate code of a function; '' without one."""
-    match = re.search(rf'^define [^@\n]*@{re.escape(name)}\(.*?^}}$', text, flags=re.M | re.S)
-    return match.group() if match else ''
 
 
 def object_of(text: str, target: Target) -> bytes:
