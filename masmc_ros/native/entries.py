@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 from masmc_ros.aliases import Records
 from masmc_ros.jit.compiled import exported_code, ExportedCode
 from masmc_ros.jit.generated import Compiler, generated, IrValue, IrValues, Type, Types
+from masmc_ros.jit.scratch import array_over
 from masmc_ros.jit.sized_records import (
     has_layout,
     LAYOUT,
@@ -31,11 +32,15 @@ from masmc_ros.loop.supervision import (
 from masmc_ros.messages.stamp_order import state_timeout
 from masmc_ros.plant_model.plant_tick import advance, observe
 from masmc_ros.reference.line_sine import line_sine
-from numba import carray, from_dtype, types
+from numba import from_dtype, types
 from numba.core import cgutils
+from numba.np.arrayobj import get_cfarray_intrinsic
 
 Pointer = Any
 """Address of numbers or of a record in compiled code."""
+
+array_at: Callable[..., Any] = get_cfarray_intrinsic('C', None)
+"""Array at an address with a shape, as `numba.carray`, without a function to be compiled."""
 
 
 class Entry(NamedTuple):
@@ -80,7 +85,7 @@ def records_of(simulation: Simulation) -> dict[str, Records]:
         'settings': controller.settings, 'memory': controller.memory, 'signals': plant.signals,
         'plant_settings': plant.settings, 'plant_memory': plant.memory,
     }  # fmt: skip
-    if is_supervised(controller.mechanism, controller.values):
+    if is_supervised(controller.values):
         records['supervision'] = supervision_record(
             controller, state_timeout(controller.values)
         )
@@ -148,7 +153,8 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
     ) -> int:
         return tick(
             records_at(settings), records_at(memory), records_at(signals),
-            carray(position, positions), carray(velocity, velocities), carray(reference, desired),
+            array_at(position, positions), array_at(velocity, velocities),
+            array_at(reference, desired),
         )  # fmt: skip
 
     @exported(
@@ -180,8 +186,8 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
     ) -> int:
         return supervision_start(
             records_at(supervision), records_at(initial), records_at(settings), records_at(memory),
-            stamp, now, carray(position, positions), carray(velocity, velocities),
-            carray(reference, desired), has_reference,
+            stamp, now, array_at(position, positions), array_at(velocity, velocities),
+            array_at(reference, desired), has_reference,
         )  # fmt: skip
 
     @exported(
@@ -204,7 +210,7 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
         settings: Pointer, memory: Pointer, delay_line: Pointer, signals: Pointer
     ) -> int:
         return int(start(
-            records_at(settings), records_at(memory), carray(delay_line, line),
+            records_at(settings), records_at(memory), array_at(delay_line, line),
             records_at(signals),
         ))
 
@@ -215,7 +221,7 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
         'const double *', 'double', 'int64_t', 'double *',
     )  # fmt: skip
     def on_line(table: Pointer, period: float, tick: int, reference: Pointer) -> int:
-        rows, out = carray(table, (5, axes)), carray(reference, desired)
+        rows, out = array_at(table, (5, axes)), array_at(reference, desired)
         for i in range(axes):
             out[i], out[axes + i], out[2 * axes + i] = line_sine(
                 float(tick) * period, rows[0, i], rows[1, i], rows[2, i], rows[3, i], rows[4, i]
@@ -233,7 +239,7 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
         robot, state, row = (
             records_at(settings)[0], records_at(memory)[0], records_at(signals)[0]
         )  # fmt: skip
-        delayed = carray(delay_line, line)
+        delayed = array_at(delay_line, line)
         advance(robot, state, delayed, tick, row, hold != 0)
         observe(robot, state, delayed, tick + 1, row)
         return int(closed_loop.is_finite(row))
@@ -260,7 +266,7 @@ def _pointer(record: Records) -> types.Type:
 
 def records_at(place: Pointer) -> Records:
     """Return the array of the one record at an address, in compiled code."""
-    return carray(place, 1)
+    raise NotImplementedError
 
 
 def _type_of_records(context: Type, place: Type) -> types.Type:
@@ -272,12 +278,8 @@ def _type_of_records(context: Type, place: Type) -> types.Type:
 
 @generated(records_at, _type_of_records)
 def _records_at(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
-    if not isinstance(compiler.result, SizedRecordsType):
-        return compiler.run(_array_at, kinds, values)
-    data = compiler.builder.bitcast(values[0], cgutils.voidptr_t)
     one, step = (compiler.context.get_constant(types.intp, number) for number in (1, 0))
-    return cgutils.pack_struct(compiler.builder, [data, one, step])
-
-
-def _array_at(place: Pointer) -> Records:
-    return carray(place, 1)
+    if isinstance(compiler.result, SizedRecordsType):
+        data = compiler.builder.bitcast(values[0], cgutils.voidptr_t)
+        return cgutils.pack_struct(compiler.builder, [data, one, step])
+    return array_over(compiler, compiler.result, values[0], [one])

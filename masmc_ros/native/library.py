@@ -219,7 +219,10 @@ def _described(
         },
     }
     assert simulation.timing.last is not None
+    is_fixed = controller.values.get('robot.base') == 'fixed'
+    pose = plant.memory['position'][0, :len(mechanism.base), 0].tolist()
     return {
+        'fixed': tuple(map(_number, pose)) if is_fixed else (),
         'name': name,
         'version': __version__,
         'law': controller.values['law'],
@@ -231,7 +234,9 @@ def _described(
             (len(values) for values in inputs(controller.signals)), strict=True,
         )),
         'delay_line': plant.delayed.size,
-        'memory': MEMORY + (WORKSPACE if has_layout(controller.settings.dtype) else 0),
+        # The approach and the safe stop are kernels with vectors of their own.
+        'memory': MEMORY + has_layout(controller.settings.dtype) * WORKSPACE * (
+            2 if set(SUPERVISION) <= found.keys() else 1),
         'statuses': {
             'SINGULAR': SINGULAR, 'NOT_FINITE': NOT_FINITE, 'FAILED': FAILED,
             'OTHER_RECORDS': OTHER_RECORDS,

@@ -65,9 +65,11 @@ public:
     const auto names = controller.state_interface_configuration().names;
     for (std::size_t i = names.size(); i-- > 0;) {
       // In reverse: a controller finds its interfaces by name.
-      const std::size_t count = names.size() / 2;
+      // The pose of a fixed base has no interface.
+      const std::size_t count = names.size() / 2, fixed = PAPER_POSITION - count;
       states.emplace_back(
-        names[i], i < count ? &signals.position[i] : &signals.velocity[i - count]);
+        names[i],
+        i < count ? &signals.position[fixed + i] : &signals.velocity[fixed + i - count]);
     }
     const auto efforts = controller.command_interface_configuration().names;
     for (std::size_t i = 0; i < efforts.size(); i++) {
@@ -83,7 +85,7 @@ public:
   }
 
   paper_signals signals = paper_signals_initial;
-  double effort[4] = {};
+  double effort[sizeof paper_signals::torque / sizeof(double)] = {};
   std::int64_t tick = 0;
 
 private:
@@ -151,8 +153,8 @@ void pass(Controller & controller, Robot & robot, const char * event, int ticks,
     robot.move();
   }
   double sum = 0.0;
-  for (int i = 0; i < 4; i++) {
-    sum += std::fabs(robot.effort[i]);
+  for (const double effort : robot.effort) {
+    sum += std::fabs(effort);
   }
   controller.get_node()->on_timer();
   std::fprintf(
