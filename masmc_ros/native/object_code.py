@@ -160,6 +160,41 @@ define internal double @sqrt(double %x) alwaysinline {
 declare double @llvm.sqrt.f64(double)
 """
 
+_WIDE_PRODUCT = """
+; Product of two numbers of 128 bits, low words first: a function of compilers, here for sizes of
+; arrays, whose product may overflow.
+define void @__multi3(ptr %out, i64 %a, i64 %a.high, i64 %b, i64 %b.high) {
+  %a0 = and i64 %a, 4294967295
+  %a1 = lshr i64 %a, 32
+  %b0 = and i64 %b, 4294967295
+  %b1 = lshr i64 %b, 32
+  %p00 = mul i64 %a0, %b0
+  %p01 = mul i64 %a0, %b1
+  %p10 = mul i64 %a1, %b0
+  %p11 = mul i64 %a1, %b1
+  %c00 = lshr i64 %p00, 32
+  %l01 = and i64 %p01, 4294967295
+  %l10 = and i64 %p10, 4294967295
+  %m0 = add i64 %c00, %l01
+  %middle = add i64 %m0, %l10
+  %low = mul i64 %a, %b
+  %c01 = lshr i64 %p01, 32
+  %c10 = lshr i64 %p10, 32
+  %carry = lshr i64 %middle, 32
+  %h0 = add i64 %p11, %c01
+  %h1 = add i64 %h0, %c10
+  %h2 = add i64 %h1, %carry
+  %x = mul i64 %a, %b.high
+  %y = mul i64 %a.high, %b
+  %h3 = add i64 %h2, %x
+  %high = add i64 %h3, %y
+  store i64 %low, ptr %out
+  %second = getelementptr i64, ptr %out, i64 1
+  store i64 %high, ptr %second
+  ret void
+}
+"""
+
 _ALLOCATION, _RELEASE = 'NRT_MemInfo_alloc_aligned', 'NRT_decref'
 
 _SIZED = 'SizedRecord'
@@ -361,6 +396,9 @@ def joined_object(modules: Iterable[Any], target: Target) -> bytes:
     whole, *others = modules
     for other in others:
         whole.link_in(other)
+    # A page has no library of a compiler; other 32-bit processors do not need one for this.
+    if target.triple.startswith('wasm') and 'mul.with.overflow' in str(whole):
+        whole.link_in(llvm.parse_assembly(_layout_of(whole) + _WIDE_PRODUCT))
     # Numba numbers its functions, so their names differ between two compilations.
     for number, thing in enumerate((*whole.functions, *whole.global_variables)):
         if thing.linkage in (llvm.Linkage.internal, llvm.Linkage.private):
