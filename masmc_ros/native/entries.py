@@ -29,6 +29,7 @@ from masmc_ros.loop.supervision import (
     supervision_record,
     supervision_start,
 )
+from masmc_ros.loop.wheel_odometry import odometry
 from masmc_ros.messages.stamp_order import state_timeout
 from masmc_ros.plant_model.plant_tick import advance, observe
 from masmc_ros.reference.line_sine import line_sine
@@ -70,7 +71,8 @@ SUPERVISION = ('supervision_start', 'supervision_end')
 """Functions of a library with commanded torques."""
 
 LIBRARY = (
-    'control_tick', 'settings_changed', *SUPERVISION, 'plant_start', 'plant_tick', 'plant_hold',
+    'control_tick', 'settings_changed', *SUPERVISION, 'odometry', 'plant_start', 'plant_tick',
+    'plant_hold',
 )  # fmt: skip
 """Functions of a library."""
 
@@ -100,7 +102,9 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
     and `OTHER_RECORDS`; the plant 1 if its state is finite, else 0.
     """
     signals_here = simulation.controller.signals
-    positions, velocities, desired = (len(values) for values in inputs(signals_here))
+    # Sizes are arguments, so one code serves robots from URDF files of all sizes.
+    sizes = tuple(len(values) for values in inputs(signals_here))
+    desired = sizes[2:]
     line = simulation.plant.delayed.shape
     # Flags are whole numbers: other bits of a register with a bool of Numba are not defined.
     number, vector = types.int64, types.CPointer(types.float64)
@@ -108,7 +112,9 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
     kinds = {
         'int64_t': number, 'double': types.float64, 'const double *': vector, 'double *': vector,
         **dict.fromkeys(('int64_t stamp', 'int64_t now', 'int64_t has_reference'), number),
-        'int64_t status': number, **{name: _pointer(record) for name, record in records.items()},
+        'int64_t status': number,
+        **dict.fromkeys(('const double *before', 'double *position', 'double *velocity'), vector),
+        **{name: _pointer(record) for name, record in records.items()},
         'const memory': _pointer(records['memory']),
     }  # fmt: skip
     layouts = {
@@ -129,7 +135,7 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
             signature = number(
                 *(kinds[argument] for argument in arguments), *(number for _ in further)
             )
-            code = exported_code(function, signature, positions, velocities, desired, line)
+            code = exported_code(function, signature)
             failure = 0 if name.startswith('plant') else NOT_FINITE | FAILED
             found[name] = Entry(
                 code, arguments, text, failure,
@@ -141,7 +147,7 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
 
     @exported(
         'control_tick', 'Compute a tick; the torque is in the signals.',
-        'settings', 'memory', 'signals', *('const double *',) * 3,
+        'settings', 'memory', 'signals', *('const double *',) * 3, further=sizes,
     )  # fmt: skip
     def control(
         settings: Pointer,
@@ -150,6 +156,9 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
         position: Pointer,
         velocity: Pointer,
         reference: Pointer,
+        positions: int,
+        velocities: int,
+        desired: int,
     ) -> int:
         return tick(
             records_at(settings), records_at(memory), records_at(signals),
@@ -170,7 +179,7 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
         'supervision_start',
         'First part of a supervised tick; 1 if the law is to be computed, see supervised_tick.',
         'supervision', 'const memory', 'settings', 'memory', 'int64_t stamp', 'int64_t now',
-        *('const double *',) * 3, 'int64_t has_reference',
+        *('const double *',) * 3, 'int64_t has_reference', further=sizes,
     )  # fmt: skip
     def before_control(
         supervision: Pointer,
@@ -183,6 +192,9 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
         velocity: Pointer,
         reference: Pointer,
         has_reference: int,
+        positions: int,
+        velocities: int,
+        desired: int,
     ) -> int:
         return supervision_start(
             records_at(supervision), records_at(initial), records_at(settings), records_at(memory),
@@ -203,24 +215,50 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
         )  # fmt: skip
 
     @exported(
+        'odometry',
+        'Write the pose of the base and its derivative before the measured joints, by the wheels.',
+        'settings', 'signals', 'const double *before', 'double *position', 'double *velocity',
+        further=sizes[:1],
+    )  # fmt: skip
+    def pose_of_wheels(
+        settings: Pointer,
+        signals: Pointer,
+        before: Pointer,
+        position: Pointer,
+        velocity: Pointer,
+        positions: int,
+    ) -> int:
+        return odometry(
+            records_at(settings), records_at(signals), array_at(before, positions),
+            array_at(position, positions), array_at(velocity, positions),
+        )  # fmt: skip
+
+    @exported(
         'plant_start', 'Write the state of tick 0 into the signals.',
-        'plant_settings', 'plant_memory', 'double *', 'signals',
+        'plant_settings', 'plant_memory', 'double *', 'signals', further=line,
     )  # fmt: skip
     def initial_plant(
-        settings: Pointer, memory: Pointer, delay_line: Pointer, signals: Pointer
+        settings: Pointer,
+        memory: Pointer,
+        delay_line: Pointer,
+        signals: Pointer,
+        rows: int,
+        width: int,
+        lanes: int,
     ) -> int:
         return int(start(
-            records_at(settings), records_at(memory), array_at(delay_line, line),
+            records_at(settings), records_at(memory), array_at(delay_line, (rows, width, lanes)),
             records_at(signals),
         ))
 
-    axes = desired // 3
-
     @exported(
         'sample_line_sine', 'Write the reference of a tick on a path line_sine.',
-        'const double *', 'double', 'int64_t', 'double *',
+        'const double *', 'double', 'int64_t', 'double *', further=desired,
     )  # fmt: skip
-    def on_line(table: Pointer, period: float, tick: int, reference: Pointer) -> int:
+    def on_line(
+        table: Pointer, period: float, tick: int, reference: Pointer, desired: int
+    ) -> int:
+        axes = desired // 3
         rows, out = array_at(table, (5, axes)), array_at(reference, desired)
         for i in range(axes):
             out[i], out[axes + i], out[2 * axes + i] = line_sine(
@@ -234,12 +272,15 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
         delay_line: Pointer,
         tick: int,
         signals: Pointer,
+        rows: int,
+        width: int,
+        lanes: int,
         hold: int,
     ) -> int:
         robot, state, row = (
             records_at(settings)[0], records_at(memory)[0], records_at(signals)[0]
         )  # fmt: skip
-        delayed = array_at(delay_line, line)
+        delayed = array_at(delay_line, (rows, width, lanes))
         advance(robot, state, delayed, tick, row, hold != 0)
         observe(robot, state, delayed, tick + 1, row)
         return int(closed_loop.is_finite(row))
@@ -252,7 +293,7 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
     ):  # fmt: skip
         exported(
             name, text, 'plant_settings', 'plant_memory', 'double *', 'int64_t', 'signals',
-            further=(hold,),
+            further=(*line, hold),
         )(plant)  # fmt: skip
     return found
 

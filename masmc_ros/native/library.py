@@ -26,6 +26,7 @@ from masmc_ros.loop.records import read_by
 from masmc_ros.loop.signals import inputs, SIGNALS
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.supervision import NAMES, PROGRAM_FIELDS
+from masmc_ros.loop.wheel_odometry import has_odometry
 from masmc_ros.native import object_code
 from masmc_ros.native.entries import (
     entries,
@@ -121,7 +122,9 @@ def write_library(
     if ros2_control:
         check_supervised(values['controller'])
     simulation = exported_simulation(values, 'a library')
-    names = [entry for entry in LIBRARY if supervised or entry not in SUPERVISION]
+    names = [entry for entry in LIBRARY if supervised or entry not in (*SUPERVISION, 'odometry')]
+    if 'odometry' in names and not has_odometry(values['controller']):
+        names.remove('odometry')
     found = entries(simulation, names)
     functions = {f'{name}_{entry}': function for entry, function in found.items()}
     text = cache(lambda: merged(functions))
@@ -220,9 +223,11 @@ def _described(
     }
     assert simulation.timing.last is not None
     is_fixed = controller.values.get('robot.base') == 'fixed'
-    pose = plant.memory['position'][0, :len(mechanism.base), 0].tolist()
+    pose = tuple(plant.memory['position'][0, :len(mechanism.base), 0].tolist())
     return {
+        'pose': pose,
         'fixed': tuple(map(_number, pose)) if is_fixed else (),
+        'has_odometry': 'odometry' in found,
         'name': name,
         'version': __version__,
         'law': controller.values['law'],
@@ -288,7 +293,9 @@ def _arguments(name: str, kinds: Sequence[str]) -> str:
     usual = iter(('position', 'velocity', 'reference'))
     named = []
     for kind in kinds:
-        if kind == 'const double *':
+        if '*' in kind and not kind.endswith('*'):
+            named.append(kind)
+        elif kind == 'const double *':
             named.append(f'{kind}{next(usual)}')
         elif kind == 'double *':
             named.append(f'{kind}delay_line')

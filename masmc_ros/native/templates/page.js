@@ -392,7 +392,7 @@ function plot(id, isLog = false) {
   const X = (t) => left + (t / end) * (right - left);
   const Y = (v) => bottom - ((v - low) / (high - low)) * (bottom - top);
   const scale = isLog ? (v) => Y(Math.log10(Math.max(v, 1e-9))) : Y;
-  axes(g, box, X, Y, steps(0, end, Math.max(3, w / 90)), isLog ? steps(low, high, 5).filter(Number.isInteger) : steps(low, high, 5), isLog ? (v) => Number((10 ** v).toPrecision(3)) : String);
+  axes(g, box, X, Y, steps(0, end, Math.max(3, w / 90)), isLog ? steps(low, high, 5).filter(Number.isInteger) : steps(low, high, 5), isLog ? (v) => (v < -3 ? `1e${v}` : Number((10 ** v).toPrecision(3))) : (v) => (v && Math.abs(v) < 1e-3 ? v.toExponential() : v));
   g.save();
   g.beginPath();
   g.rect(left, top, right - left, bottom - top);
