@@ -32,6 +32,7 @@ from typing import Any, cast, NamedTuple
 import zlib
 
 from llvmlite import __version__ as llvmlite_version
+from llvmlite.binding import ffi
 from masmc_ros.aliases import AnyFunction, Function
 from masmc_ros.errors import UserError
 from masmc_ros.jit.code_files import CodeFiles, Key
@@ -82,6 +83,22 @@ class _RareCollections(event.Listener):
 
 
 event.register('numba:compile', _RareCollections())
+
+
+def _end_lock_events() -> None:
+    """
+    End the events of LLVM's lock, for which this package has no listener.
+
+    Each call of LLVM in a nested compilation informs the timers of all compilations around it.
+    This takes a twentieth of the compilation time of a law.
+    """
+    lock = getattr(ffi.lib, '_lock', None)
+    for callbacks in tuple(getattr(lock, '_cblist', ())):
+        if callbacks[0].__module__ == 'numba.core.base':
+            ffi.unregister_lock_callback(*callbacks)
+
+
+_end_lock_events()
 
 
 _EXPORTED: Mapping[str, Any] = {
@@ -194,9 +211,8 @@ def inlined(function: AnyFunction) -> AnyFunction:
     """
     if _settings.DISABLE_JIT:
         return function
-    compiled = Kernel(function, njit(inline='always')(function))
-    compiled.__dict__['_exported'] = compiled.__dict__['_compiled']
-    return cast(AnyFunction, compiled)
+    # For other processors it is compiled as a formula: nothing compiles it again.
+    return cast(AnyFunction, Kernel(function, njit(inline='always')(function)))
 
 
 def kernel(function: AnyFunction) -> AnyFunction:

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from types import CodeType
 from typing import Any
 
 from masmc_ros.aliases import Function
@@ -27,7 +28,6 @@ from numba.core.untyped_passes import (
     FixupArgs,
     GenericRewrites,
     InlineClosureLikes,
-    InlineInlinables,
     IRProcessing,
     MakeFunctionToJitFunction,
     ReconstructSSA,
@@ -110,6 +110,14 @@ class _ExportedLibrary(JITCodeLibrary):
 
     is_optimised = False
 
+    def _optimize_functions(self, ll_module: Any) -> None:
+        # Numba also runs the passes on declarations, most of the functions of a module.
+        ll_module.data_layout = self._codegen._data_layout
+        for function in ll_module.functions:
+            if not function.is_declaration:
+                passes, builder = self._codegen._function_pass_manager()
+                passes.run(function, builder)
+
     def finalize(self) -> None:
         """Keep the code of the function alone."""
         self._raise_if_finalized()
@@ -189,10 +197,13 @@ class ExportedCompiler(Compiler):
         return super().compile_extra(function)
 
     def define_pipelines(self) -> list[PassManager]:
-        """Return the passes of Numba that formulas need."""
+        """Return the passes of Numba that formulas need; few of them contain functions."""
         passes = PassManager('exported')
+        constants = self.state.func_id.code.co_consts
+        has_functions = any(isinstance(constant, CodeType) for constant in constants)
         for kind, name in _EXPORTED_PASSES:
-            passes.add_pass(kind, name)
+            if has_functions or kind not in _PASSES_OF_FUNCTIONS:
+                passes.add_pass(kind, name)
         passes.finalize()
         return [passes]
 
@@ -202,10 +213,10 @@ _EXPORTED_PASSES = (
     (InlineClosureLikes, 'closures'),
     (RewriteSemanticConstants, 'constants'), (DeadBranchPrune, 'branches'),
     (GenericRewrites, 'rewrites'), (RewriteDynamicRaises, 'exceptions'),
-    (MakeFunctionToJitFunction, 'functions'), (InlineInlinables, 'inlined functions'),
-    (DeadBranchPrune, 'branches'), (ReconstructSSA, 'single assignment'),
+    (MakeFunctionToJitFunction, 'functions'), (ReconstructSSA, 'single assignment'),
     (DeadBranchPrune, 'branches'),
     (NopythonTypeInference, 'types'), (PreLowerStripPhis, 'phis'),
     (IRLegalization, 'legalization'), (AnnotateTypes, 'annotations'),
     (_ExportedLowering, 'intermediate code'), (NoPythonBackend, 'result'),
 )  # fmt: skip
+_PASSES_OF_FUNCTIONS = {InlineClosureLikes, MakeFunctionToJitFunction}

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 
 // Runs of a generated controller with the simulated robot of its library, without ROS:
-//   harness run PATH APPROACH_SPEED [POSE_SOURCE]  all torques on stdout, allocations in update() on stderr
+//   harness run PATH APPROACH_SPEED [wheels]  all torques on stdout, allocations in update() on stderr
 //   harness events PATH               modes and commands after faults, requests and parameters
 //   harness jitter PATH SECONDS [NS]  lateness and duration of each update() in ns, at a period NS
 #include <dlfcn.h>
@@ -110,14 +110,14 @@ void update(Controller & controller, std::int64_t stamp)
 
 std::unique_ptr<Controller> started(
   Robot & robot, const char * path, const std::map<std::string, double> & parameters,
-  const char * source = nullptr)
+  bool by_wheels = false)
 {
   auto controller = new_controller();
   controller->update_rate = 1000;
   controller->on_init();
   controller->get_node()->set("path", std::string(path));
-  if (source) {
-    controller->get_node()->set("pose_source", std::string(source));
+  if (by_wheels) {
+    controller->get_node()->set("wheel_odometry", true);
   }
   for (const auto & [name, value] : parameters) {
     controller->get_node()->set(name, value);
@@ -133,10 +133,10 @@ std::unique_ptr<Controller> started(
   return controller;
 }
 
-int run(const char * path, double speed, const char * source)
+int run(const char * path, double speed, bool by_wheels)
 {
   Robot robot;
-  const auto controller = started(robot, path, {{"approach_speed", speed}}, source);
+  const auto controller = started(robot, path, {{"approach_speed", speed}}, by_wheels);
   for (std::int64_t tick = 0; tick < PAPER_TICKS; tick++) {
     update(*controller, tick * kPeriod);
     std::fwrite(robot.effort, sizeof robot.effort, 1, stdout);
@@ -226,7 +226,7 @@ int main(int count, char ** arguments)
 {
   const std::string mode = count > 2 ? arguments[1] : "";
   if (mode == "run" && count >= 4) {
-    return run(arguments[2], std::atof(arguments[3]), count > 4 ? arguments[4] : nullptr);
+    return run(arguments[2], std::atof(arguments[3]), count > 4);
   }
   if (mode == "events") {
     return events(arguments[2]);
@@ -234,6 +234,6 @@ int main(int count, char ** arguments)
   if (mode == "jitter" && count >= 4) {
     return jitter(arguments[2], std::atof(arguments[3]), count > 4 ? std::atoll(arguments[4]) : kPeriod);
   }
-  std::fputs("expected run PATH SPEED [SOURCE], events PATH or jitter PATH SECONDS [NS]\n", stderr);
+  std::fputs("expected run PATH SPEED [wheels], events PATH or jitter PATH SECONDS [NS]\n", stderr);
   return 1;
 }
