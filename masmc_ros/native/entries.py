@@ -21,6 +21,7 @@ from masmc_ros.jit.sized_records import (
 )
 from masmc_ros.loop import closed_loop
 from masmc_ros.loop.closed_loop import NOT_FINITE
+from masmc_ros.loop.odometry import odometry
 from masmc_ros.loop.signals import inputs
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.supervision import (
@@ -29,7 +30,6 @@ from masmc_ros.loop.supervision import (
     supervision_record,
     supervision_start,
 )
-from masmc_ros.loop.wheel_odometry import odometry
 from masmc_ros.messages.stamp_order import state_timeout
 from masmc_ros.plant_model.plant_tick import advance, observe
 from masmc_ros.reference.line_sine import line_sine
@@ -220,7 +220,7 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
         'settings', 'signals', 'const double *before', 'double *position', 'double *velocity',
         further=sizes[:1],
     )  # fmt: skip
-    def pose_of_wheels(
+    def base_pose(
         settings: Pointer,
         signals: Pointer,
         before: Pointer,

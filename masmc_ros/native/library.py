@@ -22,11 +22,11 @@ from masmc_ros.json_text import json_text
 from masmc_ros.law.parts.delay_fields import ENABLING
 from masmc_ros.law.parts.model import PAYLOAD
 from masmc_ros.loop.closed_loop import NOT_FINITE, SINGULAR
+from masmc_ros.loop.odometry import has_odometry
 from masmc_ros.loop.records import read_by
 from masmc_ros.loop.signals import inputs, SIGNALS
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.supervision import NAMES, PROGRAM_FIELDS
-from masmc_ros.loop.wheel_odometry import has_odometry
 from masmc_ros.native import object_code
 from masmc_ros.native.entries import (
     entries,
