@@ -41,7 +41,12 @@ from masmc_ros.jit.generated import Types
 from masmc_ros.jit.inlined_code import ExportedCompiler, InlinedCompiler
 from masmc_ros.jit.sized_records import has_sized_records, type_of
 from masmc_ros.jit.sources import digest, files_of_types, remember
-from masmc_ros.jit.supported_numba import FIRST_UNSUPPORTED, OLDEST, version_numbers
+from masmc_ros.jit.supported_numba import (
+    FIRST_UNSUPPORTED,
+    OLDEST,
+    OLDEST_OF_EXPORT,
+    version_numbers,
+)
 from masmc_ros.user_folder import runtime_folder
 from numba import __version__ as numba_version
 from numba import config, njit
@@ -400,8 +405,14 @@ def exported_code(function: Function, signature: Signature, *contents: object) -
     ------
     InputError
         If it cannot be compiled, with one line.
+    UserError
+        If Numba is too old.
 
     """
+    if version_numbers(numba_version) < version_numbers(OLDEST_OF_EXPORT):
+        raise UserError(
+            f'numba {numba_version} makes no libraries: expected {OLDEST_OF_EXPORT} or later'
+        )
 
     def compiled() -> ExportedCode:
         _thread.is_exporting = True

@@ -20,17 +20,11 @@ import re
 from typing import Any
 
 import llvmlite.binding as llvm
-from masmc_ros.errors import InputError, UserError
+from masmc_ros.errors import InputError
 from masmc_ros.jit.compiled import ExportedCode
-from masmc_ros.jit.supported_numba import version_numbers
 from masmc_ros.loop.closed_loop import NOT_FINITE
 from masmc_ros.native.entries import Entry, OTHER_RECORDS
 from masmc_ros.native.targets import Target
-from numba import __version__ as numba_version
-
-OLDEST_NUMBA = '0.62'
-"""First version of Numba whose intermediate code can be compiled again."""
-
 
 MEMORY = 16384
 """Bytes on the stack for arrays of a call; a formula that needs more ends in a status."""
@@ -212,15 +206,7 @@ _POINTER_IN_STRUCT = re.compile(r'getelementptr[^,\n]*\{[^}\n]*\bptr\b')
 
 
 def merged(functions: Mapping[str, Entry]) -> str:
-    """
-    Return the intermediate code of entries under the given names.
-
-    Raises UserError for a Numba that is too old.
-    """
-    if version_numbers(numba_version) < version_numbers(OLDEST_NUMBA):
-        raise UserError(
-            f'numba {numba_version} makes no libraries: expected {OLDEST_NUMBA} or later'
-        )
+    """Return the intermediate code of entries under the given names."""
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
     whole: Any = None
