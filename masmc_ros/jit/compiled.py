@@ -216,8 +216,9 @@ def inlined(function: AnyFunction) -> AnyFunction:
     """
     if _settings.DISABLE_JIT:
         return function
-    # For other processors it is compiled as a formula: nothing compiles it again.
-    return cast(AnyFunction, Kernel(function, njit(inline='always')(function)))
+    compiled = Kernel(function, njit(inline='always')(function))
+    compiled.__dict__['_exported'] = compiled.__dict__['_compiled']
+    return cast(AnyFunction, compiled)
 
 
 def kernel(function: AnyFunction) -> AnyFunction:
