@@ -35,12 +35,16 @@ HEADER = r'#include "((?!paper).*\.hpp)"'
 FIFO = ('chrt', '--fifo', '80')
 
 
-def built(folder: Path) -> Path:
-    """Write a package into a folder, and return the harness, compiled with stand-in headers."""
+def built(folder: Path, scenario: str = PAPER) -> Path:
+    """
+    Write a package into a folder, and return the harness, compiled with stand-in headers.
+
+    `scenario` is a parameter file; the name of the package is paper_controller.
+    """
     target = f'{os.uname().machine}-linux-gnu'
     targets = {target: TARGETS[target]}
     write_library(
-        folder, 'paper', load_scenario(PAPER, (DURATION,)), targets,
+        folder, 'paper', load_scenario(scenario, (DURATION,)), targets,
         overwrite=True, ros2_control=True,
     )  # fmt: skip
     package = folder / 'paper_controller'

@@ -32,6 +32,7 @@ from typing import Any, cast, NamedTuple
 import zlib
 
 from llvmlite import __version__ as llvmlite_version
+from llvmlite.binding import ffi
 from masmc_ros.aliases import AnyFunction, Function
 from masmc_ros.errors import UserError
 from masmc_ros.jit.code_files import CodeFiles, Key
@@ -40,7 +41,12 @@ from masmc_ros.jit.generated import Types
 from masmc_ros.jit.inlined_code import ExportedCompiler, InlinedCompiler
 from masmc_ros.jit.sized_records import has_sized_records, type_of
 from masmc_ros.jit.sources import digest, files_of_types, remember
-from masmc_ros.jit.supported_numba import FIRST_UNSUPPORTED, OLDEST, version_numbers
+from masmc_ros.jit.supported_numba import (
+    FIRST_UNSUPPORTED,
+    OLDEST,
+    OLDEST_OF_EXPORT,
+    version_numbers,
+)
 from masmc_ros.user_folder import runtime_folder
 from numba import __version__ as numba_version
 from numba import config, njit
@@ -82,6 +88,22 @@ class _RareCollections(event.Listener):
 
 
 event.register('numba:compile', _RareCollections())
+
+
+def _end_lock_events() -> None:
+    """
+    End the events of LLVM's lock, for which this package has no listener.
+
+    Each call of LLVM in a nested compilation informs the timers of all compilations around it.
+    This takes a twentieth of the compilation time of a law.
+    """
+    lock = getattr(ffi.lib, '_lock', None)
+    for callbacks in tuple(getattr(lock, '_cblist', ())):
+        if callbacks[0].__module__ == 'numba.core.base':
+            ffi.unregister_lock_callback(*callbacks)
+
+
+_end_lock_events()
 
 
 _EXPORTED: Mapping[str, Any] = {
@@ -384,8 +406,14 @@ def exported_code(function: Function, signature: Signature, *contents: object) -
     ------
     InputError
         If it cannot be compiled, with one line.
+    UserError
+        If Numba is too old.
 
     """
+    if version_numbers(numba_version) < version_numbers(OLDEST_OF_EXPORT):
+        raise UserError(
+            f'numba {numba_version} makes no libraries: expected {OLDEST_OF_EXPORT} or later'
+        )
 
     def compiled() -> ExportedCode:
         _thread.is_exporting = True

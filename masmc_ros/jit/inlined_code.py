@@ -5,12 +5,37 @@
 
 from __future__ import annotations
 
+from types import CodeType
+from typing import Any
+
 from masmc_ros.aliases import Function
 from masmc_ros.jit.generated import Type
 from masmc_ros.jit.sized_records import has_sizes_at_run_time
 from numba import types
-from numba.core.codegen import JITCodeLibrary, ll
+from numba.core.codegen import CPUCodeLibrary, JITCodeLibrary, ll
 from numba.core.compiler import Compiler
+from numba.core.compiler_machinery import PassManager, register_pass
+from numba.core.typed_passes import (
+    AnnotateTypes,
+    IRLegalization,
+    NativeLowering,
+    NoPythonBackend,
+    NopythonTypeInference,
+    PreLowerStripPhis,
+)
+from numba.core.untyped_passes import (
+    DeadBranchPrune,
+    FixupArgs,
+    GenericRewrites,
+    InlineClosureLikes,
+    InlineInlinables,
+    IRProcessing,
+    MakeFunctionToJitFunction,
+    ReconstructSSA,
+    RewriteDynamicRaises,
+    RewriteSemanticConstants,
+    TranslateByteCode,
+)
 
 
 class _InlinedLibrary(JITCodeLibrary):
@@ -31,9 +56,7 @@ class _InlinedLibrary(JITCodeLibrary):
         module = self._final_module
         self._finalize_dynamic_globals()
         self._verify_declare_only_symbols()
-        for function in module.functions:
-            if not function.is_declaration and function.linkage == ll.Linkage.external:
-                function.linkage = 'linkonce_odr'
+        _share(module)
         self._shared_module = module
         # Numba writes the environment of the function into its variable.
         variables = [
@@ -49,6 +72,13 @@ class _InlinedLibrary(JITCodeLibrary):
     def get_llvm_str(self) -> str:
         """Return the intermediate code, which the final module lacks."""
         return str(self._shared_module)
+
+
+def _share(module: Any) -> None:
+    """Allow several definitions of the functions of a module, which are the same."""
+    for function in module.functions:
+        if not function.is_declaration and function.linkage == ll.Linkage.external:
+            function.linkage = 'linkonce_odr'
 
 
 class InlinedCompiler(Compiler):
@@ -71,12 +101,124 @@ class InlinedCompiler(Compiler):
         return not any(map(has_sizes_at_run_time, self.state.args))
 
 
-class ExportedCompiler(InlinedCompiler):
+class _ExportedLibrary(JITCodeLibrary):
+    """
+    Code of a function for other processors; this process does not run it.
+
+    A library of Numba contains the code of all callees, so each caller copies it. This one
+    contains the function alone. The code of all callees is added once, when it is read.
+    """
+
+    is_optimised = False
+
+    def _optimize_functions(self, ll_module: Any) -> None:
+        # Numba also runs the passes on declarations, most of the functions of a module.
+        ll_module.data_layout = self._codegen._data_layout
+        for function in ll_module.functions:
+            if not function.is_declaration:
+                passes, builder = self._codegen._function_pass_manager()
+                passes.run(function, builder)
+
+    def finalize(self) -> None:
+        """Keep the code of the function alone."""
+        self._raise_if_finalized()
+        self._finalized = True
+
+    def get_pointer_to_function(self, name: str) -> int:
+        """Return 0: the function has no address in this process."""
+        return 0
+
+    def _get_module_for_linking(self) -> Any:
+        if self._shared_module is None:
+            self._shared_module = self._linked()
+        return self._shared_module
+
+    def _linked(self) -> Any:
+        """Return the code with that of all callees."""
+        exported: dict[_ExportedLibrary, None] = {}
+        others: dict[CPUCodeLibrary, None] = {}
+        further: list[CPUCodeLibrary] = [self]
+        while further:
+            library = further.pop()
+            if not isinstance(library, _ExportedLibrary):
+                others[library] = None
+            elif library not in exported:
+                exported[library] = None
+                further += library._linking_libraries
+        module = self._final_module.clone()
+        for library in exported:
+            if library is not self:
+                module.link_in(library._final_module, preserve=True)
+        # These have functions that are linked if there is a call already.
+        for library in others:
+            module.link_in(library._get_module_for_linking(), preserve=True)
+        if self.is_optimised:
+            self._optimize_final_module()
+        _share(module)
+        return module
+
+    def get_llvm_str(self) -> str:
+        """Return the intermediate code with that of all callees."""
+        return str(self._get_module_for_linking())
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class _ExportedLowering(NativeLowering):
+    """Generation of intermediate code without an executable function."""
+
+    _name = 'exported_lowering'
+
+    def run_pass(self, state: Any) -> bool:
+        """Generate the code, and register the function for its callers."""
+        state.flags.no_compile = True
+        super().run_pass(state)
+        lowered = state['cr']
+        # Numba finds a callee by its executable function, which has to be a new built-in one.
+        key = object().__reduce__
+        state.targetctx.insert_user_function(key, lowered.fndesc, [state.library])
+        state['cr'] = lowered._replace(cfunc=key)
+        return True
+
+
+class ExportedCompiler(Compiler):
     """Compiler of functions for other processors, which are optimised for each of them."""
 
-    def is_optimised(self) -> bool:
-        """Return True for an entry with sizes at run time, none of which becomes a constant."""
-        return any(
+    def compile_extra(self, function: Function) -> Type:
+        """
+        Compile a function to intermediate code.
+
+        An entry with sizes at run time, none of which becomes a constant, is optimised.
+        """
+        library = _ExportedLibrary(self.state.targetctx.codegen(), function.__qualname__)
+        library.is_optimised = any(
             isinstance(kind, types.CPointer) and has_sizes_at_run_time(kind.dtype)
             for kind in self.state.args
         )
+        self.state.library = library
+        return super().compile_extra(function)
+
+    def define_pipelines(self) -> list[PassManager]:
+        """Return the passes of Numba that formulas need; few of them contain functions."""
+        passes = PassManager('exported')
+        constants = self.state.func_id.code.co_consts
+        has_functions = any(isinstance(constant, CodeType) for constant in constants)
+        for kind, name in _EXPORTED_PASSES:
+            if has_functions or kind not in _PASSES_OF_FUNCTIONS:
+                passes.add_pass(kind, name)
+        passes.finalize()
+        return [passes]
+
+
+_EXPORTED_PASSES = (
+    (TranslateByteCode, 'bytecode'), (FixupArgs, 'arguments'), (IRProcessing, 'control flow'),
+    (InlineClosureLikes, 'closures'),
+    (RewriteSemanticConstants, 'constants'), (DeadBranchPrune, 'branches'),
+    (GenericRewrites, 'rewrites'), (RewriteDynamicRaises, 'exceptions'),
+    (MakeFunctionToJitFunction, 'functions'), (InlineInlinables, 'inlined functions'),
+    (DeadBranchPrune, 'branches'), (ReconstructSSA, 'single assignment'),
+    (DeadBranchPrune, 'branches'),
+    (NopythonTypeInference, 'types'), (PreLowerStripPhis, 'phis'),
+    (IRLegalization, 'legalization'), (AnnotateTypes, 'annotations'),
+    (_ExportedLowering, 'intermediate code'), (NoPythonBackend, 'result'),
+)  # fmt: skip
+_PASSES_OF_FUNCTIONS = {InlineClosureLikes, MakeFunctionToJitFunction}

@@ -170,6 +170,11 @@ class SizedRecordsType(_TypeOfSchema):
 
     kind = 'SizedRecords'
 
+    @property
+    def dtype(self) -> SizedRecordType:
+        """Return the type of a record, as arrays of records of constant sizes do."""
+        return SizedRecordType(self.schema)
+
 
 _TYPES: dict[int, SizedRecordsType] = {}
 """Types of arrays by the checksum in their layout."""

@@ -9,6 +9,9 @@ Supported versions of Numba; `setup.py` reads them here, before anything is inst
 
 OLDEST, FIRST_UNSUPPORTED = '0.58', '0.69'
 
+OLDEST_OF_EXPORT = '0.62'
+"""First version whose intermediate code can be compiled again for other processors."""
+
 
 def version_numbers(text: str) -> tuple[int, ...]:
     """Return the first two numbers of a version, which compare as versions do."""

@@ -20,8 +20,9 @@ from masmc_ros.jit.arrays import array_of, changeable, to_vector
 from masmc_ros.jit.compiled import formula, kernel
 from masmc_ros.jit.field import Field
 from masmc_ros.jit.lanes import lane_of
-from masmc_ros.jit.record import AT_RUN_TIME, copy_nan, copy_to, fill, new_record
+from masmc_ros.jit.record import copy_nan, copy_to, fill, new_record
 from masmc_ros.jit.tuples import elementwise, joined, tail, thirds
+from masmc_ros.jit.vectors import check_workspace
 from masmc_ros.law.command_interface import COMMAND_INTERFACE, COMMAND_INTERFACES, EFFORT
 from masmc_ros.law.parts.delay_compensation import note_skipped
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED
@@ -31,7 +32,6 @@ from masmc_ros.loop.controller import Controller
 from masmc_ros.numerics.scalars import nearest, zero
 from masmc_ros.params.declaration import Values
 from masmc_ros.reference import approach
-from masmc_ros.robot.declaration import Mechanism
 
 INACTIVE, ACTIVE, FAULT = 0, 1, 2
 """Modes."""
@@ -121,14 +121,10 @@ FIELDS = (
 )  # fmt: skip
 
 
-def is_supervised(mechanism: Mechanism, values: Values) -> bool:
-    """
-    Return True if the supervision is compiled for a mechanism and values of a controller.
-
-    It is not for sizes that are read at run time.
-    """
+def is_supervised(values: Values) -> bool:
+    """Return True if a controller commands torques, for which the supervision is compiled."""
     interface: str = values[COMMAND_INTERFACE.name]
-    return interface == COMMAND_INTERFACES[EFFORT] and AT_RUN_TIME not in mechanism.sizes
+    return interface == COMMAND_INTERFACES[EFFORT]
 
 
 def supervision_record(controller: Controller, state_timeout: float) -> Records:
@@ -219,6 +215,7 @@ def supervision_start(
             state.should_stop = 1
         elif was_active and state.mode != ACTIVE:
             _stop(state, gains, before)
+        check_workspace(state)
         return 0
     state.has_state, state.stamp, state.arrival = 1, stamp, now
     state.measured, state.measured_rates = measured, rates
@@ -243,8 +240,10 @@ def supervision_start(
         if state.mode == ACTIVE:
             state.restarts = 1
         _stop(state, gains, before)
+        check_workspace(state)
         return 0
     if state.restarts != 0 and _unfolds(state, gains, before):
+        check_workspace(state)
         return 0
     state.unfolded_by = 0
     state.commanded = before.commanded
@@ -267,6 +266,7 @@ def supervision_start(
         desired = joined(joined(x, elementwise(zero, v)), elementwise(zero, a))
     _follow(body, state, gains, before, stamp, desired)
     state.reference, state.has_reference, state.commands = desired, 1, 1
+    check_workspace(state)
     return 1
 
 
@@ -298,6 +298,7 @@ def supervision_end(
         _stop(state, gains, before)
     state.computes = 0
     if state.should_stop == 0:
+        check_workspace(state)
         return status
     state.should_stop = 0
     torque = changeable(row.torque)
@@ -323,6 +324,7 @@ def supervision_end(
         row.torque = elementwise(zero, row.torque)
         state.active_action, state.commands = VOID, 0
     before.commanded = row.torque
+    check_workspace(state)
     return status
 
 

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 from masmc_ros.aliases import Records
 from masmc_ros.jit.compiled import exported_code, ExportedCode
 from masmc_ros.jit.generated import Compiler, generated, IrValue, IrValues, Type, Types
+from masmc_ros.jit.scratch import array_over
 from masmc_ros.jit.sized_records import (
     has_layout,
     LAYOUT,
@@ -20,6 +21,7 @@ from masmc_ros.jit.sized_records import (
 )
 from masmc_ros.loop import closed_loop
 from masmc_ros.loop.closed_loop import NOT_FINITE
+from masmc_ros.loop.odometry import odometry
 from masmc_ros.loop.signals import inputs
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.supervision import (
@@ -31,11 +33,15 @@ from masmc_ros.loop.supervision import (
 from masmc_ros.messages.stamp_order import state_timeout
 from masmc_ros.plant_model.plant_tick import advance, observe
 from masmc_ros.reference.line_sine import line_sine
-from numba import carray, from_dtype, types
+from numba import from_dtype, types
 from numba.core import cgutils
+from numba.np.arrayobj import get_cfarray_intrinsic
 
 Pointer = Any
 """Address of numbers or of a record in compiled code."""
+
+array_at: Callable[..., Any] = get_cfarray_intrinsic('C', None)
+"""Array at an address with a shape, as `numba.carray`, without a function to be compiled."""
 
 
 class Entry(NamedTuple):
@@ -65,7 +71,8 @@ SUPERVISION = ('supervision_start', 'supervision_end')
 """Functions of a library with commanded torques."""
 
 LIBRARY = (
-    'control_tick', 'settings_changed', *SUPERVISION, 'plant_start', 'plant_tick', 'plant_hold',
+    'control_tick', 'settings_changed', *SUPERVISION, 'odometry', 'plant_start', 'plant_tick',
+    'plant_hold',
 )  # fmt: skip
 """Functions of a library."""
 
@@ -80,7 +87,7 @@ def records_of(simulation: Simulation) -> dict[str, Records]:
         'settings': controller.settings, 'memory': controller.memory, 'signals': plant.signals,
         'plant_settings': plant.settings, 'plant_memory': plant.memory,
     }  # fmt: skip
-    if is_supervised(controller.mechanism, controller.values):
+    if is_supervised(controller.values):
         records['supervision'] = supervision_record(
             controller, state_timeout(controller.values)
         )
@@ -95,7 +102,9 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
     and `OTHER_RECORDS`; the plant 1 if its state is finite, else 0.
     """
     signals_here = simulation.controller.signals
-    positions, velocities, desired = (len(values) for values in inputs(signals_here))
+    # Sizes are arguments, so one code serves robots from URDF files of all sizes.
+    sizes = tuple(len(values) for values in inputs(signals_here))
+    desired = sizes[2:]
     line = simulation.plant.delayed.shape
     # Flags are whole numbers: other bits of a register with a bool of Numba are not defined.
     number, vector = types.int64, types.CPointer(types.float64)
@@ -103,7 +112,9 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
     kinds = {
         'int64_t': number, 'double': types.float64, 'const double *': vector, 'double *': vector,
         **dict.fromkeys(('int64_t stamp', 'int64_t now', 'int64_t has_reference'), number),
-        'int64_t status': number, **{name: _pointer(record) for name, record in records.items()},
+        'int64_t status': number,
+        **dict.fromkeys(('const double *before', 'double *position', 'double *velocity'), vector),
+        **{name: _pointer(record) for name, record in records.items()},
         'const memory': _pointer(records['memory']),
     }  # fmt: skip
     layouts = {
@@ -124,7 +135,7 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
             signature = number(
                 *(kinds[argument] for argument in arguments), *(number for _ in further)
             )
-            code = exported_code(function, signature, positions, velocities, desired, line)
+            code = exported_code(function, signature)
             failure = 0 if name.startswith('plant') else NOT_FINITE | FAILED
             found[name] = Entry(
                 code, arguments, text, failure,
@@ -136,7 +147,7 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
 
     @exported(
         'control_tick', 'Compute a tick; the torque is in the signals.',
-        'settings', 'memory', 'signals', *('const double *',) * 3,
+        'settings', 'memory', 'signals', *('const double *',) * 3, further=sizes,
     )  # fmt: skip
     def control(
         settings: Pointer,
@@ -145,10 +156,14 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
         position: Pointer,
         velocity: Pointer,
         reference: Pointer,
+        positions: int,
+        velocities: int,
+        desired: int,
     ) -> int:
         return tick(
             records_at(settings), records_at(memory), records_at(signals),
-            carray(position, positions), carray(velocity, velocities), carray(reference, desired),
+            array_at(position, positions), array_at(velocity, velocities),
+            array_at(reference, desired),
         )  # fmt: skip
 
     @exported(
@@ -164,7 +179,7 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
         'supervision_start',
         'First part of a supervised tick; 1 if the law is to be computed, see supervised_tick.',
         'supervision', 'const memory', 'settings', 'memory', 'int64_t stamp', 'int64_t now',
-        *('const double *',) * 3, 'int64_t has_reference',
+        *('const double *',) * 3, 'int64_t has_reference', further=sizes,
     )  # fmt: skip
     def before_control(
         supervision: Pointer,
@@ -177,11 +192,14 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
         velocity: Pointer,
         reference: Pointer,
         has_reference: int,
+        positions: int,
+        velocities: int,
+        desired: int,
     ) -> int:
         return supervision_start(
             records_at(supervision), records_at(initial), records_at(settings), records_at(memory),
-            stamp, now, carray(position, positions), carray(velocity, velocities),
-            carray(reference, desired), has_reference,
+            stamp, now, array_at(position, positions), array_at(velocity, velocities),
+            array_at(reference, desired), has_reference,
         )  # fmt: skip
 
     @exported(
@@ -197,25 +215,51 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
         )  # fmt: skip
 
     @exported(
+        'odometry',
+        'Write the pose of the base and its derivative before the measured joints, by the wheels.',
+        'settings', 'signals', 'const double *before', 'double *position', 'double *velocity',
+        further=sizes[:1],
+    )  # fmt: skip
+    def base_pose(
+        settings: Pointer,
+        signals: Pointer,
+        before: Pointer,
+        position: Pointer,
+        velocity: Pointer,
+        positions: int,
+    ) -> int:
+        return odometry(
+            records_at(settings), records_at(signals), array_at(before, positions),
+            array_at(position, positions), array_at(velocity, positions),
+        )  # fmt: skip
+
+    @exported(
         'plant_start', 'Write the state of tick 0 into the signals.',
-        'plant_settings', 'plant_memory', 'double *', 'signals',
+        'plant_settings', 'plant_memory', 'double *', 'signals', further=line,
     )  # fmt: skip
     def initial_plant(
-        settings: Pointer, memory: Pointer, delay_line: Pointer, signals: Pointer
+        settings: Pointer,
+        memory: Pointer,
+        delay_line: Pointer,
+        signals: Pointer,
+        rows: int,
+        width: int,
+        lanes: int,
     ) -> int:
         return int(start(
-            records_at(settings), records_at(memory), carray(delay_line, line),
+            records_at(settings), records_at(memory), array_at(delay_line, (rows, width, lanes)),
             records_at(signals),
         ))
 
-    axes = desired // 3
-
     @exported(
         'sample_line_sine', 'Write the reference of a tick on a path line_sine.',
-        'const double *', 'double', 'int64_t', 'double *',
+        'const double *', 'double', 'int64_t', 'double *', further=desired,
     )  # fmt: skip
-    def on_line(table: Pointer, period: float, tick: int, reference: Pointer) -> int:
-        rows, out = carray(table, (5, axes)), carray(reference, desired)
+    def on_line(
+        table: Pointer, period: float, tick: int, reference: Pointer, desired: int
+    ) -> int:
+        axes = desired // 3
+        rows, out = array_at(table, (5, axes)), array_at(reference, desired)
         for i in range(axes):
             out[i], out[axes + i], out[2 * axes + i] = line_sine(
                 float(tick) * period, rows[0, i], rows[1, i], rows[2, i], rows[3, i], rows[4, i]
@@ -228,12 +272,15 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
         delay_line: Pointer,
         tick: int,
         signals: Pointer,
+        rows: int,
+        width: int,
+        lanes: int,
         hold: int,
     ) -> int:
         robot, state, row = (
             records_at(settings)[0], records_at(memory)[0], records_at(signals)[0]
         )  # fmt: skip
-        delayed = carray(delay_line, line)
+        delayed = array_at(delay_line, (rows, width, lanes))
         advance(robot, state, delayed, tick, row, hold != 0)
         observe(robot, state, delayed, tick + 1, row)
         return int(closed_loop.is_finite(row))
@@ -246,7 +293,7 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
     ):  # fmt: skip
         exported(
             name, text, 'plant_settings', 'plant_memory', 'double *', 'int64_t', 'signals',
-            further=(hold,),
+            further=(*line, hold),
         )(plant)  # fmt: skip
     return found
 
@@ -260,7 +307,7 @@ def _pointer(record: Records) -> types.Type:
 
 def records_at(place: Pointer) -> Records:
     """Return the array of the one record at an address, in compiled code."""
-    return carray(place, 1)
+    raise NotImplementedError
 
 
 def _type_of_records(context: Type, place: Type) -> types.Type:
@@ -272,12 +319,8 @@ def _type_of_records(context: Type, place: Type) -> types.Type:
 
 @generated(records_at, _type_of_records)
 def _records_at(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
-    if not isinstance(compiler.result, SizedRecordsType):
-        return compiler.run(_array_at, kinds, values)
-    data = compiler.builder.bitcast(values[0], cgutils.voidptr_t)
     one, step = (compiler.context.get_constant(types.intp, number) for number in (1, 0))
-    return cgutils.pack_struct(compiler.builder, [data, one, step])
-
-
-def _array_at(place: Pointer) -> Records:
-    return carray(place, 1)
+    if isinstance(compiler.result, SizedRecordsType):
+        data = compiler.builder.bitcast(values[0], cgutils.voidptr_t)
+        return cgutils.pack_struct(compiler.builder, [data, one, step])
+    return array_over(compiler, compiler.result, values[0], [one])

@@ -22,6 +22,7 @@ from masmc_ros.json_text import json_text
 from masmc_ros.law.parts.delay_fields import ENABLING
 from masmc_ros.law.parts.model import PAYLOAD
 from masmc_ros.loop.closed_loop import NOT_FINITE, SINGULAR
+from masmc_ros.loop.odometry import has_odometry
 from masmc_ros.loop.records import read_by
 from masmc_ros.loop.signals import inputs, SIGNALS
 from masmc_ros.loop.simulation import Simulation
@@ -121,7 +122,9 @@ def write_library(
     if ros2_control:
         check_supervised(values['controller'])
     simulation = exported_simulation(values, 'a library')
-    names = [entry for entry in LIBRARY if supervised or entry not in SUPERVISION]
+    names = [entry for entry in LIBRARY if supervised or entry not in (*SUPERVISION, 'odometry')]
+    if 'odometry' in names and not has_odometry(values['controller']):
+        names.remove('odometry')
     found = entries(simulation, names)
     functions = {f'{name}_{entry}': function for entry, function in found.items()}
     text = cache(lambda: merged(functions))
@@ -219,7 +222,12 @@ def _described(
         },
     }
     assert simulation.timing.last is not None
+    is_fixed = controller.values.get('robot.base') == 'fixed'
+    pose = tuple(plant.memory['position'][0, :len(mechanism.base), 0].tolist())
     return {
+        'pose': pose,
+        'fixed': tuple(map(_number, pose)) if is_fixed else (),
+        'has_odometry': 'odometry' in found,
         'name': name,
         'version': __version__,
         'law': controller.values['law'],
@@ -231,7 +239,9 @@ def _described(
             (len(values) for values in inputs(controller.signals)), strict=True,
         )),
         'delay_line': plant.delayed.size,
-        'memory': MEMORY + (WORKSPACE if has_layout(controller.settings.dtype) else 0),
+        # The approach and the safe stop are kernels with vectors of their own.
+        'memory': MEMORY + has_layout(controller.settings.dtype) * WORKSPACE * (
+            2 if set(SUPERVISION) <= found.keys() else 1),
         'statuses': {
             'SINGULAR': SINGULAR, 'NOT_FINITE': NOT_FINITE, 'FAILED': FAILED,
             'OTHER_RECORDS': OTHER_RECORDS,
@@ -283,7 +293,9 @@ def _arguments(name: str, kinds: Sequence[str]) -> str:
     usual = iter(('position', 'velocity', 'reference'))
     named = []
     for kind in kinds:
-        if kind == 'const double *':
+        if '*' in kind and not kind.endswith('*'):
+            named.append(kind)
+        elif kind == 'const double *':
             named.append(f'{kind}{next(usual)}')
         elif kind == 'double *':
             named.append(f'{kind}delay_line')

@@ -20,17 +20,11 @@ import re
 from typing import Any
 
 import llvmlite.binding as llvm
-from masmc_ros.errors import InputError, UserError
+from masmc_ros.errors import InputError
 from masmc_ros.jit.compiled import ExportedCode
-from masmc_ros.jit.supported_numba import version_numbers
 from masmc_ros.loop.closed_loop import NOT_FINITE
 from masmc_ros.native.entries import Entry, OTHER_RECORDS
 from masmc_ros.native.targets import Target
-from numba import __version__ as numba_version
-
-OLDEST_NUMBA = '0.62'
-"""First version of Numba whose intermediate code can be compiled again."""
-
 
 MEMORY = 16384
 """Bytes on the stack for arrays of a call; a formula that needs more ends in a status."""
@@ -160,6 +154,41 @@ define internal double @sqrt(double %x) alwaysinline {
 declare double @llvm.sqrt.f64(double)
 """
 
+_WIDE_PRODUCT = """
+; Product of two numbers of 128 bits, low words first: a function of compilers, here for sizes of
+; arrays, whose product may overflow.
+define void @__multi3(ptr %out, i64 %a, i64 %a.high, i64 %b, i64 %b.high) {
+  %a0 = and i64 %a, 4294967295
+  %a1 = lshr i64 %a, 32
+  %b0 = and i64 %b, 4294967295
+  %b1 = lshr i64 %b, 32
+  %p00 = mul i64 %a0, %b0
+  %p01 = mul i64 %a0, %b1
+  %p10 = mul i64 %a1, %b0
+  %p11 = mul i64 %a1, %b1
+  %c00 = lshr i64 %p00, 32
+  %l01 = and i64 %p01, 4294967295
+  %l10 = and i64 %p10, 4294967295
+  %m0 = add i64 %c00, %l01
+  %middle = add i64 %m0, %l10
+  %low = mul i64 %a, %b
+  %c01 = lshr i64 %p01, 32
+  %c10 = lshr i64 %p10, 32
+  %carry = lshr i64 %middle, 32
+  %h0 = add i64 %p11, %c01
+  %h1 = add i64 %h0, %c10
+  %h2 = add i64 %h1, %carry
+  %x = mul i64 %a, %b.high
+  %y = mul i64 %a.high, %b
+  %h3 = add i64 %h2, %x
+  %high = add i64 %h3, %y
+  store i64 %low, ptr %out
+  %second = getelementptr i64, ptr %out, i64 1
+  store i64 %high, ptr %second
+  ret void
+}
+"""
+
 _ALLOCATION, _RELEASE = 'NRT_MemInfo_alloc_aligned', 'NRT_decref'
 
 _SIZED = 'SizedRecord'
@@ -177,15 +206,7 @@ _POINTER_IN_STRUCT = re.compile(r'getelementptr[^,\n]*\{[^}\n]*\bptr\b')
 
 
 def merged(functions: Mapping[str, Entry]) -> str:
-    """
-    Return the intermediate code of entries under the given names.
-
-    Raises UserError for a Numba that is too old.
-    """
-    if version_numbers(numba_version) < version_numbers(OLDEST_NUMBA):
-        raise UserError(
-            f'numba {numba_version} makes no libraries: expected {OLDEST_NUMBA} or later'
-        )
+    """Return the intermediate code of entries under the given names."""
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
     whole: Any = None
@@ -300,15 +321,17 @@ def _with_memory(text: str) -> str:
     called = re.compile(r'(\bcall [^@\n]*@)("[^"\n]*"|[\w.$-]+)\((?=([^\n]))')
     defined = re.compile(r'^(define [^@\n]*@)("[^"\n]*"|[\w.$-]+)\((?=([^\n]))', re.M)
     callees: dict[str, set[str]] = {}
+    own = set()
     for part in re.split(r'^(?=define )', text, flags=re.M)[1:]:
         start = defined.match(part)
         assert start is not None
         callees[start.group(2)] = {call.group(2) for call in called.finditer(part)}
+        if f'{_MEMORY} = alloca' in part:
+            own.add(start.group(2))
     users, size = {_ALLOCATION, _RELEASE}, 0
     while len(users) > size:
         size = len(users)
         users |= {name for name, calls in callees.items() if calls & users}
-    own = {name for name in users if f'{_MEMORY} = alloca' in _body(text, name)}
 
     def inserted(pointer: str) -> Callable[[re.Match[str]], str]:
         def replacement(match: re.Match[str]) -> str:
@@ -323,12 +346,6 @@ def _with_memory(text: str) -> str:
     declared = re.compile(r'^(declare [^@\n]*@)("[^"\n]*"|[\w.$-]+)\((?=([^\n]))', re.M)
     text = declared.sub(inserted('ptr'), text)
     return text.replace(f'declare noalias ptr @{_ALLOCATION}', f'declare ptr @{_ALLOCATION}')
-
-
-def _body(text: str, name: str) -> str:
-    """Return the intermediate code of a function; '' without one."""
-    match = re.search(rf'^define [^@\n]*@{re.escape(name)}\(.*?^}}$', text, flags=re.M | re.S)
-    return match.group() if match else ''
 
 
 def object_of(text: str, target: Target) -> bytes:
@@ -365,6 +382,9 @@ def joined_object(modules: Iterable[Any], target: Target) -> bytes:
     whole, *others = modules
     for other in others:
         whole.link_in(other)
+    # A page has no library of a compiler; other 32-bit processors do not need one for this.
+    if target.triple.startswith('wasm') and 'mul.with.overflow' in str(whole):
+        whole.link_in(llvm.parse_assembly(_layout_of(whole) + _WIDE_PRODUCT))
     # Numba numbers its functions, so their names differ between two compilations.
     for number, thing in enumerate((*whole.functions, *whole.global_variables)):
         if thing.linkage in (llvm.Linkage.internal, llvm.Linkage.private):

@@ -21,6 +21,8 @@ from markupsafe import Markup
 from masmc_ros.aliases import Records
 from masmc_ros.compare.contenders import Contender, contenders
 from masmc_ros.errors import InputError
+from masmc_ros.jit.sized_records import has_layout
+from masmc_ros.jit.vectors import WORKSPACE
 from masmc_ros.json_text import json_text
 from masmc_ros.law import registry
 from masmc_ros.loop.controller import Controller
@@ -36,6 +38,8 @@ from masmc_ros.params.declaration import Parameter, Values
 from masmc_ros.params.sliders import FACTOR, level_of, range_up_to
 from masmc_ros.report.page.template import rendered
 from masmc_ros.robot import mechanisms
+from masmc_ros.robot.tree.frames import STANDS
+from masmc_ros.robot.tree.tree_mechanism import TreeMechanism
 from masmc_ros.scenario.scenario import load_scenario
 
 _TEMPLATES = Path(__file__).parent / 'templates'
@@ -66,6 +70,9 @@ SCALE = 'model_scale'
 """Assumed part of the masses: nominal parameters are its products with those of the robot."""
 
 _DISTURBANCE = 'disturbance.amplitude'
+
+_STACK = 131072
+"""Bytes in the memory of the browser below the records: constants, and the stack of a call."""
 
 _OTHER_LAWS = ('smc:sign', 'smc:tanh', 'smc:implicit', 'rasmc:tanh', 'rasmc:implicit')
 """Laws of a page in addition to that of the file."""
@@ -149,10 +156,11 @@ def page_of(file: str, settings: Sequence[str], laws: str, name: str) -> Page:
 def _simulation(values: Mapping[str, Values]) -> Simulation:
     """Return the simulation of a scenario; InputError if a page cannot show it."""
     simulation = exported_simulation(values, 'a page')
-    if simulation.plant.mechanism is not mechanisms.DEFAULT:
+    mechanism = simulation.plant.mechanism
+    if mechanism is not mechanisms.DEFAULT and not isinstance(mechanism, TreeMechanism):
         raise InputError(
-            "robot.urdf: a page draws the paper's robot only; expected the lengths and masses of"
-            ' robot.*'
+            f"robot.mechanism = {mechanism.name}: a page draws the paper's robot and those of URDF"
+            ' files only'
         )
     path = values['trajectory']['type']
     if path != 'line_sine':
@@ -173,9 +181,14 @@ def _simulation(values: Mapping[str, Values]) -> Simulation:
 
 
 def _contenders(laws: str, simulation: Simulation) -> tuple[Contender, ...]:
-    """Return the laws of a page with their switching terms; by default that of the file first."""
+    """
+    Return the laws of a page with their switching terms; by default that of the file first.
+
+    Those of a robot from a URDF take a minute each to compile, so there are no others by default.
+    """
     mechanism, switching = simulation.controller.mechanism, _switching(simulation)
-    names = laws or ','.join([_contender_of(simulation).label, *_OTHER_LAWS])
+    others = _OTHER_LAWS if mechanism is mechanisms.DEFAULT else ()
+    names = laws or ','.join([_contender_of(simulation).label, *others])
     return tuple(dict.fromkeys(
         contender if contender.switching or not registry.uses_switching(contender.law)
         else contender._replace(switching=switching)
@@ -233,6 +246,7 @@ def _described_plant(simulation: Simulation, values: Mapping[str, Values]) -> di
     if controller.values['payload.mass'] == 0.0:
         scale = next(p for p, _ in read_by(controller.settings, mechanism) if p.name == SCALE)
         sliders[SCALE] = _slider(scale, controller.values[SCALE])
+    is_sized = has_layout(plant.settings.dtype)
     names = ('offset', 'slope', 'amplitude', 'frequency', 'phase')
     return {
         'plant_settings': _described_record(plant.settings),
@@ -242,14 +256,48 @@ def _described_plant(simulation: Simulation, values: Mapping[str, Values]) -> di
         'theta': controller.robot.theta,
         'sliders': sliders,
         **_described_grid(simulation),
+        'stack': _STACK + is_sized * 2 * WORKSPACE,
+        'links': _links(mechanism) if isinstance(mechanism, TreeMechanism) else None,
         'points': [
-            {'symbol': p.symbol, 'name': p.name, 'first': p.first, 'size': p.size}
+            {'symbol': p.symbol, 'name': p.name, 'first': p.first, 'size': p.size, 'unit': p.unit,
+             'is_place': p.is_place}
             for p in mechanism.points
         ],
         'axes': [axis.name for axis in mechanism.axes],
         'joints': [joint.short for joint in mechanism.joints],
         'parameters': [quantity.name.replace('_', ' ') for quantity in mechanism.theta],
     }
+
+
+def _links(mechanism: TreeMechanism) -> dict[str, Any]:
+    """
+    Return the frames on the way to the tips, parents first, and the joints on each way.
+
+    A frame has the number of its parent, -1 without one; its kind of motion, the place of the
+    position that moves it, and its factor; translation, quaternion x, y, z, w and axis.
+    """
+    motion, pairs = mechanism.frame_motion, mechanism.frames
+    above = {child: parent for parent, child in pairs}
+    numbers = {child: i for i, (_, child) in enumerate(pairs)}
+    ways = []
+    for link in mechanism.tips:
+        way = [numbers[link]]
+        while above[link] in numbers:
+            link = above[link]
+            way.append(numbers[link])
+        ways.append(way[::-1])
+    kept = {number: i for i, number in enumerate(sorted({n for way in ways for n in way}))}
+    return {
+        'frames': [
+            [kept.get(numbers.get(pairs[n][0], -1), -1), int(motion.motion[n]),
+             int(motion.place[n]), float(motion.multiplier[n]), *motion.origin[n].tolist(),
+             *motion.axis[n].tolist()]
+            for n in kept
+        ],
+        'ways': [
+            [kept[n] for n in way if motion.motion[n] != STANDS or n == way[-1]] for way in ways
+        ],
+    }  # fmt: skip
 
 
 def _described_grid(simulation: Simulation) -> dict[str, Any]:

@@ -11,12 +11,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from masmc_ros.errors import InputError
-from masmc_ros.jit.record import AT_RUN_TIME
 from masmc_ros.loop.supervision import is_supervised
 from masmc_ros.native.template import filled
 from masmc_ros.params.declaration import Parameter, Values
 from masmc_ros.robot.joint_names import driven_joint_names, joint_names
-from masmc_ros.robot.mechanisms import mechanism_from
 
 _KINDS = {'bool': 'kBool', 'integer': 'kInteger', 'string': 'kInteger'}
 
@@ -42,14 +40,8 @@ class _Gain(NamedTuple):
 
 
 def check_supervised(values: Values) -> None:
-    """Raise InputError for a robot or parameter values without a compiled supervision."""
-    mechanism = mechanism_from(values)
-    if AT_RUN_TIME in mechanism.sizes:
-        raise InputError(
-            'robot.urdf: the compiled supervision has no records of robots from URDF files;'
-            " expected the paper's robot for a controller for ros2_control"
-        )
-    if not is_supervised(mechanism, values):
+    """Raise InputError for parameter values without a compiled supervision."""
+    if not is_supervised(values):
         raise InputError(
             f'command_interface = {values["command_interface"]}: expected effort, the only'
             ' command interface of a controller for ros2_control'

@@ -19,6 +19,13 @@ from masmc_ros.jit.sized_records import LAYOUT
 from masmc_ros.law.registry import LAWS
 from masmc_ros.loop.closed_loop import control_tick, NOT_FINITE, plant_start, plant_tick
 from masmc_ros.loop.simulation import Simulation
+from masmc_ros.loop.supervision import (
+    ENABLE,
+    STOP,
+    supervision_end,
+    supervision_record,
+    supervision_start,
+)
 from masmc_ros.native.entries import OTHER_RECORDS
 from masmc_ros.native.library import write_library
 from masmc_ros.native.targets import TARGETS
@@ -96,20 +103,84 @@ int main(void) {
     return 0;
 }
 """
+SUPERVISED = """#include "paper.h"
+#include <stdio.h>
+int main(void) {
+    paper_settings settings = paper_settings_initial;
+    paper_memory memory = paper_memory_initial;
+    paper_signals signals = paper_signals_initial;
+    paper_supervision supervision = paper_supervision_initial;
+    supervision.state_timeout = supervision.reference_timeout = 5000000;
+    static struct {
+        int64_t stamp, now, has_reference, request;
+        double position[PAPER_POSITION], velocity[PAPER_VELOCITY], reference[PAPER_REFERENCE];
+    } at;
+    while (fread(&at, sizeof at, 1, stdin) == 1) {
+        supervision.request = at.request;
+        int64_t status[2] = {paper_supervised_tick(
+            &supervision, &paper_memory_initial, &settings, &memory, &signals, at.stamp, at.now,
+            at.position, at.velocity, at.reference, at.has_reference)};
+        status[1] = supervision.mode;
+        fwrite(status, sizeof status, 1, stdout);
+        fwrite(signals.torque, sizeof signals.torque, 1, stdout);
+    }
+    return 0;
+}
+"""
 SANITIZERS = '-g -O1 -Wall -Werror -Wno-unused-const-variable -fsanitize=address,undefined'
 
 
-def statuses_in_c(folder: Path, cases: list[tuple[np.ndarray, ...]]) -> list[int]:
-    """Return the status of a tick with each tuple of records and inputs, under sanitizers."""
-    (folder / 'probe.c').write_text(PROBE, encoding='utf-8')
+def program_in_c(folder: Path, source: str, given: bytes) -> bytes:
+    """Return the output of a program with a library, under sanitizers."""
+    (folder / 'probe.c').write_text(source, encoding='utf-8')
     subprocess.run(
         ['cc', *SANITIZERS.split(), '-fno-sanitize-recover=all', '-o', 'probe', 'probe.c',
          f'{HOST}/libpaper.a', '-lm'], cwd=folder, check=True,
     )  # fmt: skip
-    given = b''.join(array.tobytes() for case in cases for array in case)
     run = subprocess.run(['./probe'], cwd=folder, input=given, capture_output=True, check=False)
     assert run.returncode == 0, run.stderr.decode()
-    return np.frombuffer(run.stdout, np.int64).tolist()
+    return run.stdout
+
+
+def statuses_in_c(folder: Path, cases: list[tuple[np.ndarray, ...]]) -> list[int]:
+    """Return the status of a tick with each tuple of records and inputs."""
+    given = b''.join(array.tobytes() for case in cases for array in case)
+    return np.frombuffer(program_in_c(folder, PROBE, given), np.int64).tolist()
+
+
+def supervised_here(values: Mapping[str, Values], ticks: int) -> tuple[bytes, bytes]:
+    """
+    Return inputs of supervised ticks, and their statuses, modes and torques in plain Python.
+
+    States and references are missing for a while, and requests stop and enable the controller.
+    """
+    requests = {ticks // 2: STOP, ticks * 5 // 8: ENABLE}
+    simulation = Simulation(values)
+    controller, plant = simulation.controller, simulation.plant
+    controller.reset()
+    initial, record = controller.memory.copy(), supervision_record(controller, 0.005)
+    record['reference_timeout'] = record['state_timeout']
+    robot, signals = (plant.settings, plant.memory, plant.delayed), plant.signals
+    records = controller.settings, controller.memory
+    plant_start(*robot, signals)
+    inputs = outputs = b''
+    for k, reference in enumerate(simulation.trajectory.sample(0, ticks)):
+        is_lost, has_reference = ticks // 8 <= k < ticks // 4, not ticks // 4 <= k < ticks * 3 // 8
+        stamp = 10**6 * (ticks // 8 if is_lost else k)
+        state = signals['position'].ravel().copy(), signals['velocity'].ravel().copy()
+        record['request'] = request = requests.get(k, 0)
+        numbers = np.array([stamp, 10**6 * k, has_reference, request])
+        inputs += b''.join(array.tobytes() for array in (numbers, *state, reference))
+        status = supervision_start(
+            record, initial, *records, stamp, 10**6 * k, *state, reference, int(has_reference)
+        )
+        if status == 1:
+            followed = record['followed'].ravel().copy()
+            status = control_tick(*records, signals, *state, followed)
+        status = supervision_end(record, *records, signals, status)
+        outputs += np.array([status, record['mode'][0, 0]]).tobytes() + signals['torque'].tobytes()
+        plant_tick(*robot, k, signals)
+    return inputs, outputs
 
 
 def damaged_cases(simulation: Simulation, count: int) -> list[tuple[np.ndarray, ...]]:
@@ -178,7 +249,9 @@ def test_library_of_urdf_robot_has_the_bits_of_python(tmp_path: Path) -> None:
         cases = damaged_cases(simulation, 100)
         copies = [tuple(array.copy() for array in case) for case in cases]
         in_python = [control_tick(*case) for case in copies]
+        given, expected = supervised_here(values, 160)
     assert statuses_in_c(tmp_path, cases) == in_python
+    assert program_in_c(tmp_path, SUPERVISED, given) == expected
     for k, case in enumerate(cases):
         case[k % 3][LAYOUT][0, 5] += 8
     assert set(statuses_in_c(tmp_path, cases)) == {NOT_FINITE | OTHER_RECORDS}
@@ -221,13 +294,3 @@ def test_library_of_run_without_kernel_is_one_line(
     with pytest.raises(InputError, match=line):
         library(tmp_path / 'library', setting)
     assert not (tmp_path / 'library').exists()
-
-
-def test_ros2_control_of_urdf_robot_is_one_line(tmp_path: Path) -> None:
-    values = load_scenario(str(write_scenario(tmp_path, hand_at_start(), 0.2)))
-    with pytest.raises(InputError, match='the compiled supervision has no records'):
-        write_library(
-            tmp_path / 'a', 'small', values, {HOST: TARGETS[HOST]}, overwrite=False,
-            ros2_control=True,
-        )  # fmt: skip
-    assert not (tmp_path / 'a').exists()

@@ -11,16 +11,19 @@ import json
 from pathlib import Path
 import shutil
 import subprocess
+from typing import Any
 
 from helpers import small_tree
 from helpers.processes import PAPER
 from helpers.webdriver import browser, needs_webdriver
-from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
+from masmc_ros.jit.compiled import interpreted
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.native.page import page_of
+from masmc_ros.params.declaration import Values
 from masmc_ros.params.text import yaml_text
 from masmc_ros.scenario.scenario import load_scenario
+import numpy as np
 import pytest
 
 LAW = 'rasmc:tanh'
@@ -51,12 +54,27 @@ def digest_here(settings: Mapping[str, float | list[float]]) -> str:
     return digest.hexdigest()
 
 
+def digests_in_node(page: Path, *runs: list[Any]) -> list[str]:
+    """Return the digests of runs (law, settings) of a page."""
+    script = str(Path(__file__).with_name('run_page.mjs'))
+    command = ['node', script, str(page), *map(json.dumps, runs)]
+    run = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
+    return run.stdout.split()
+
+
+def digest_in_python(values: Mapping[str, Values]) -> str:
+    """Return the digest of a short run in plain Python."""
+    digest = sha256()
+    with interpreted(), np.errstate(all='ignore'):
+        for block in Simulation(values).run():
+            digest.update(block.signals.tobytes())
+    return digest.hexdigest()
+
+
 @pytest.mark.skipif(shutil.which('node') is None, reason='Node.js is not installed')
 def test_page_in_node_has_the_bits_of_simulate(page: Path) -> None:
-    runs = [json.dumps([LAW, settings]) for settings in RUNS]
-    command = ['node', str(Path(__file__).with_name('run_page.mjs')), str(page), *runs]
-    output = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60).stdout
-    assert output.split() == [digest_here(settings) for settings in RUNS]
+    runs = [[LAW, settings] for settings in RUNS]
+    assert digests_in_node(page, *runs) == [digest_here(settings) for settings in RUNS]
 
 
 @needs_webdriver
@@ -98,11 +116,20 @@ def test_page_that_cannot_be_computed_is_one_line(
         page_of(str(PAPER), settings, laws, 'paper')
 
 
-def test_page_of_urdf_robot_is_one_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    file, page = tmp_path / 'small.urdf', tmp_path / 'page.html'
-    file.write_text(small_tree.URDF, encoding='utf-8')
-    assert main(['page', str(file), '--output', str(page)]) == 2
-    assert "robot.urdf: a page draws the paper's robot only" in capsys.readouterr().err
-    assert not page.exists()
+@pytest.mark.skipif(shutil.which('node') is None, reason='Node.js is not installed')
+@pytest.mark.slow
+def test_page_of_urdf_robot_in_node_has_bits_of_python(tmp_path: Path) -> None:
+    scenario = str(small_tree.write_scenario(tmp_path, small_tree.hand_at_start(), 0.05))
+    path = tmp_path / 'page.html'
+    page = page_of(scenario, (), '', 'small')
+    path.write_text(page.html, encoding='utf-8')
+    assert path.stat().st_size < 300_000
+    settings: tuple[dict[str, float], ...] = (
+        {}, {'control_period': 0.002, 'plant.velocity_noise': 0.002, 'controller.gamma': 0.37},
+        {'controller.model_scale': 0.83},
+    )  # fmt: skip
+    runs = [[page.laws[0], changes] for changes in settings]
+    assert digests_in_node(path, *runs) == [
+        digest_in_python(load_scenario(scenario, [f'{key}={value}' for key, value in run.items()]))
+        for run in settings
+    ]

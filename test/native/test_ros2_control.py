@@ -14,9 +14,11 @@ from xml.etree import ElementTree
 
 from benchmarks.ros2_control_jitter import built, DURATION, PAPER
 from masmc_ros.errors import InputError
+from masmc_ros.jit.compiled import interpreted
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.native.library import write_library
 from masmc_ros.scenario.scenario import load_scenario
+import numpy as np
 import pytest
 import yaml
 
@@ -83,6 +85,15 @@ def test_controller_torques_are_those_of_simulate(
 
 @needs_compiler
 @pytest.mark.slow
+def test_controller_knows_its_pose_by_wheels(harness: Harness) -> None:
+    run, by_wheels = harness.run('run', '0.0'), harness.run('run', '0.0', 'wheels')
+    assert by_wheels.stderr.splitlines()[-1] == b'0 allocations, 0 locks'
+    torques = [np.frombuffer(output.stdout) for output in (run, by_wheels)]
+    assert np.abs(torques[1] - torques[0]).max() < 1e-5
+
+
+@needs_compiler
+@pytest.mark.slow
 def test_controller_holds_after_faults_and_recovers(harness: Harness) -> None:
     assert harness.run('events').stderr.decode() == EVENTS
 
@@ -118,3 +129,20 @@ def test_controller_of_velocities_is_one_line(tmp_path: Path) -> None:
             tmp_path / 'new', 'paper', values, {}, overwrite=False, ros2_control=True
         )
     assert not (tmp_path / 'new').exists()
+
+
+@needs_compiler
+@pytest.mark.slow
+def test_controller_of_ur5_has_the_torques_of_python(tmp_path: Path) -> None:
+    scenario = Path(PAPER).with_name('ur5.yaml')
+    harness = Harness(tmp_path / 'paper_controller', built(tmp_path, str(scenario)))
+    run = harness.run('run', '0.0')
+    with interpreted(), np.errstate(all='ignore'):
+        (block,) = Simulation(load_scenario(str(scenario), ('duration=0.05',))).run()
+    expected = block.torque.tobytes()
+    assert run.stdout[:len(expected)] == expected
+    assert run.stderr.splitlines()[-1] == b'0 allocations, 0 locks'
+    # The pose of a fixed base has no interface.
+    text = (harness.package / 'config' / 'controller.yaml').read_text('utf-8')
+    parameters = yaml.safe_load(text)['paper_controller']['ros__parameters']
+    assert len(parameters['position_interfaces']) == len(parameters['effort_interfaces']) == 6

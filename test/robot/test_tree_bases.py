@@ -81,7 +81,7 @@ def test_axle_ahead_transforms_lead_to_root_link() -> None:
     assert mechanism.frames[0] == ('odom', AXLE)
     assert f'<link name="{AXLE}"' in mechanism.text
     position = np.array([[1.0, 2.0, 0.5 * math.pi, 0.0, 0.0, 0.0, 0.0]])
-    poses = mechanism.formulas.frame_transforms(mechanism._frames.origin, position)[0]
+    poses = mechanism.formulas.frame_transforms(mechanism.frame_motion.origin, position)[0]
     back = mechanism.frames.index((AXLE, 'base'))
     np.testing.assert_allclose(poses[0, :3], [1.0, 2.0, 0.0], atol=1e-15)
     np.testing.assert_allclose(poses[back, :3], [-AHEAD, 0.0, 0.0], atol=1e-15)

@@ -9,8 +9,9 @@ class Engine {
     const unpacked = (text) => new Response(
       new Blob([Engine.bytes(text)]).stream().pipeThrough(new DecompressionStream('gzip')));
     const described = JSON.parse(await unpacked(description).text());
-    const memory = new WebAssembly.Memory({ initial: 2 });
-    const stack = new WebAssembly.Global({ value: 'i32', mutable: true }, Engine.START);
+    const { stack: start } = described.plant;
+    const memory = new WebAssembly.Memory({ initial: Math.ceil(start / 65536) });
+    const stack = new WebAssembly.Global({ value: 'i32', mutable: true }, start);
     const { instance } = await WebAssembly.instantiate(
       await unpacked(code).arrayBuffer(),
       { env: { __linear_memory: memory, __stack_pointer: stack } });
@@ -96,7 +97,7 @@ class Engine {
     const { plant } = this.described, width = 3 * plant.axes.length, at = {};
     const sizes = { delay_line: 8 * delayLine, path: 40 * plant.axes.length, reference: 8 * width, history: this.row * ticks };
     for (const [name, record] of Object.entries(this.records)) sizes[name] = record.initial.length;
-    let free = Engine.START;
+    let free = plant.stack;  // above constants and stack
     for (const [name, size] of Object.entries(sizes)) {
       at[name] = free;
       free = (free + size + 63) & ~63;
@@ -135,4 +136,3 @@ class Engine {
   // Bytes of all signals of the last run; their digest is that of `masmc simulate --json`.
   history() { return this.all.subarray(this.at.history, this.at.history + this.row * this.ticks); }
 }
-Engine.START = 131072;  // above constants and stack

@@ -4,7 +4,7 @@
 // The page around the engine: settings, drawings, comparison and links.
 const at = (id) => document.getElementById(id);
 const COLOURS = ['--blue', '--vermillion', '--green', '--purple', '--orange', '--sky', '--faint'];
-const BUCKETS = 700, PLAY_SPEED = 4, SETTLED = 20;
+const BUCKETS = 700, PLAY_SPEED = 4, SETTLED = 20, MOST_NAMES = 12;
 let engine, law, setting = {}, run, kept = null, last = { key: '', digest: '' }, playing = null, due = false;
 
 // Settings.
@@ -213,10 +213,11 @@ function compute(name, values) {
   result.poses = [];
   result.path = [];
   for (let k = 0; k < ticks; k += result.stride) {
-    result.poses.push(Array.from({ length: 7 }, (_, i) => position(k, i)));
+    result.poses.push(Array.from({ length: plant.signals.fields.true_position[1] }, (_, i) => position(k, i)));
     result.path.push(plant.axes.map((_, i) => reference(k, i)));
   }
-  [result.wheel, result.track, result.base, result.upper, result.lower] = engine.read('plant_settings', 'geometry');
+  if (plant.links) result.links = result.poses.map(linkPlaces);
+  else [result.wheel, result.track, result.base, result.upper, result.lower] = engine.read('plant_settings', 'geometry');
   result.metrics = metrics(result, plant.points.map(distance), torque, plant.joints.length);
   result.took = performance.now() - started;
   return result;
@@ -244,15 +245,15 @@ function metrics({ ticks, period, end, diverged }, squares, torque, joints) {
   if (diverged !== null) return found;
   const window = [];
   for (let k = 0; k < ticks; k++) if (end / 2 <= k * period && k * period < end) window.push(k);
-  points.forEach(({ symbol }, i) => {
+  points.forEach(({ symbol, unit }, i) => {
     let sum = 0, largest = 0;
     for (const k of window) {
       const square = squares[i](k);
       sum += square;
       largest = Math.max(largest, square);
     }
-    found[`${symbol} RMS (mm)`] = 1000 * Math.sqrt(sum / window.length);
-    found[`${symbol} max (mm)`] = 1000 * Math.sqrt(largest);
+    found[`${symbol} RMS (m${unit})`] = 1000 * Math.sqrt(sum / window.length);
+    found[`${symbol} max (m${unit})`] = 1000 * Math.sqrt(largest);
   });
   let effort = 0, variation = 0;
   for (const k of window) {
@@ -391,7 +392,7 @@ function plot(id, isLog = false) {
   const X = (t) => left + (t / end) * (right - left);
   const Y = (v) => bottom - ((v - low) / (high - low)) * (bottom - top);
   const scale = isLog ? (v) => Y(Math.log10(Math.max(v, 1e-9))) : Y;
-  axes(g, box, X, Y, steps(0, end, Math.max(3, w / 90)), isLog ? steps(low, high, 5).filter(Number.isInteger) : steps(low, high, 5), isLog ? (v) => Number((10 ** v).toPrecision(3)) : String);
+  axes(g, box, X, Y, steps(0, end, Math.max(3, w / 90)), isLog ? steps(low, high, 5).filter(Number.isInteger) : steps(low, high, 5), isLog ? (v) => (v < -3 ? `1e${v}` : Number((10 ** v).toPrecision(3))) : (v) => (v && Math.abs(v) < 1e-3 ? v.toExponential() : v));
   g.save();
   g.beginPath();
   g.rect(left, top, right - left, bottom - top);
@@ -409,7 +410,7 @@ function plot(id, isLog = false) {
     g.lineWidth = trace === run ? 1.5 : 1.1;
     trace.series[id].forEach((line, c) => {
       if (!line) return;
-      g.strokeStyle = colour(COLOURS[c]);
+      g.strokeStyle = colour(COLOURS[c % COLOURS.length]);
       g.beginPath();
       for (let i = 0; i < line.length; i++) g.lineTo(X((i >> 1) * trace.width * trace.period), scale(line[i]));
       g.stroke();
@@ -494,8 +495,86 @@ function plane() {
   at('time').setAttribute('aria-valuetext', at('now').textContent);
 }
 
+// Robots of links: turned by dragging, with z upwards.
+
+const view = { azimuth: -0.9, elevation: 0.4 };
+const combined = (a, b) => [
+  a[3] * b[0] + a[0] * b[3] + a[1] * b[2] - a[2] * b[1], a[3] * b[1] - a[0] * b[2] + a[1] * b[3] + a[2] * b[0],
+  a[3] * b[2] + a[0] * b[1] - a[1] * b[0] + a[2] * b[3], a[3] * b[3] - a[0] * b[0] - a[1] * b[1] - a[2] * b[2]];
+const turned = (q, [x, y, z]) => combined(combined(q, [x, y, z, 0]), [-q[0], -q[1], -q[2], q[3]]).slice(0, 3);
+const sum = (a, b) => a.map((value, i) => value + b[i]);
+
+// Places of all frames in the world; kinds of motion: 0 stands, 1 turns, 2 slides, 3 the base.
+function linkPlaces(position) {
+  const places = [], attitudes = [];
+  for (const [parent, motion, place, multiplier, ...numbers] of engine.described.plant.links.frames) {
+    let offset = numbers.slice(0, 3), q = numbers.slice(3, 7);
+    const axis = numbers.slice(7), way = multiplier * (position[place] ?? 0);
+    if (motion === 3) {
+      offset = [position[0], position[1], 0];
+      q = [0, 0, Math.sin(position[2] / 2), Math.cos(position[2] / 2)];
+    } else if (motion === 1) q = combined(q, [...axis.map((value) => value * Math.sin(way / 2)), Math.cos(way / 2)]);
+    else if (motion === 2) offset = sum(offset, turned(q, axis.map((value) => value * way)));
+    places.push(parent < 0 ? offset : sum(places[parent], turned(attitudes[parent], offset)));
+    attitudes.push(parent < 0 ? q : combined(attitudes[parent], q));
+  }
+  return places;
+}
+
+function space() {
+  const [g, w, h] = prepared('plane'), traces = kept ? [kept, run] : [run], { ways } = engine.described.plant.links;
+  const { azimuth, elevation } = view, [ca, sa, ce, se] = [Math.cos(azimuth), Math.sin(azimuth), Math.cos(elevation), Math.sin(elevation)];
+  const seen = ([x, y, z]) => [ca * y - sa * x, ce * z - se * (ca * x + sa * y)];
+  const corners = [Infinity, Infinity, -Infinity, -Infinity], ground = [Infinity, Infinity, -Infinity, -Infinity];
+  const include = (box, [u, v]) => { box[0] = Math.min(box[0], u); box[1] = Math.min(box[1], v); box[2] = Math.max(box[2], u); box[3] = Math.max(box[3], v); };
+  for (const places of run.links) for (const point of places) if (point.every((value) => Math.abs(value) < 1e3)) { include(corners, seen(point)); include(ground, point); }
+  const grid = [0, 1].map((i) => [Math.floor(2 * ground[i] - 0.5) / 2, Math.ceil(2 * ground[i + 2] + 0.5) / 2]);
+  for (const x of grid[0]) for (const y of grid[1]) include(corners, seen([x, y, 0]));
+  const size = Math.min((w - 24) / (corners[2] - corners[0]), (h - 24) / (corners[3] - corners[1]));
+  const at2 = (point) => { const [u, v] = seen(point); return [w / 2 + (u - (corners[0] + corners[2]) / 2) * size, h / 2 - (v - (corners[1] + corners[3]) / 2) * size]; };
+  const line = (points, ink, width, dash = []) => {
+    g.strokeStyle = ink;
+    g.lineWidth = width;
+    g.setLineDash(dash);
+    g.beginPath();
+    for (const point of points) g.lineTo(...at2(point));
+    g.stroke();
+    g.setLineDash([]);
+  };
+  const lines = ([low, high]) => Array.from({ length: Math.round(2 * (high - low)) + 1 }, (_, i) => low + i / 2);
+  for (const x of lines(grid[0])) line(grid[1].map((y) => [x, y, 0]), colour('--grid'), 1);
+  for (const y of lines(grid[1])) line(grid[0].map((x) => [x, y, 0]), colour('--grid'), 1);
+  for (const { first, size: count, is_place: isPlace } of engine.described.plant.points) {
+    if (isPlace) line(run.path.map((row) => [row[first], row[first + 1], count > 2 ? row[first + 2] : 0]), colour('--faint'), 1.2, [2, 4]);
+  }
+  const shown = (trace) => Math.floor(now() * (trace.links.length - 1));
+  for (const trace of traces) {
+    ways.forEach((way, i) => line(trace.links.slice(0, shown(trace) + 1).map((places) => places[way.at(-1)]), colour(COLOURS[i % COLOURS.length]), 1.8, trace === run ? [] : [5, 4]));
+  }
+  const places = run.links[shown(run)];
+  ways.forEach((way, i) => {
+    line(way.map((frame) => places[frame]), colour('--ink'), 3.5);
+    for (const frame of way) {
+      g.fillStyle = colour(frame === way.at(-1) ? COLOURS[i % COLOURS.length] : '--ink');
+      g.beginPath();
+      g.arc(...at2(places[frame]), frame === way.at(-1) ? 4.5 : 3, 0, 7);
+      g.fill();
+    }
+  });
+  at('now').textContent = `${(now() * run.end).toFixed(2)} s`;
+  at('time').setAttribute('aria-valuetext', at('now').textContent);
+}
+
+function turn(event) {
+  if (!event.buttons) return;
+  view.azimuth -= 0.01 * event.movementX;
+  view.elevation = Math.min(1.5, Math.max(0, view.elevation + 0.01 * event.movementY));
+  space();
+}
+
 function draw() {
-  plane();
+  if (engine.described.plant.links) space();
+  else plane();
   plot('error', true);
   for (const id of ['estimate', 'torque', 'surface']) plot(id);
   for (const [id, point] of [['error', 0], ['plane', 0]]) {
@@ -508,11 +587,12 @@ function legends() {
   const { plant } = engine.described;
   const truth = engine.read('plant_settings', 'theta');
   const points = plant.points.map(({ symbol, name }) => `${symbol}: ${name}`);
-  const names = { plane: points, error: points, torque: plant.joints, surface: plant.axes, estimate: plant.parameters };
+  const parameters = plant.parameters.length > MOST_NAMES ? [] : plant.parameters;
+  const names = { plane: plant.links ? [] : points, error: points, torque: plant.joints, surface: plant.axes, estimate: parameters };
   for (const [id, entries] of Object.entries(names)) {
     at(`${id}-legend`).replaceChildren(...entries.map((entry, i) => {
       const item = Object.assign(document.createElement('span'), { textContent: entry.replaceAll('_', ' ') });
-      item.style.setProperty('--line', `var(${COLOURS[i]})`);
+      item.style.setProperty('--line', `var(${COLOURS[i % COLOURS.length]})`);
       return id === 'estimate' && truth[i] === 0 ? '' : item;
     }));
   }
@@ -551,6 +631,12 @@ async function copy(button, content) {
 
 async function start() {
   engine = await Engine.load(DESCRIPTION, CODE);
+  if (engine.described.plant.links) {
+    at('plane-title').textContent = 'Robot in space (squares of 0.5 m; drag to turn)';
+    at('error-title').textContent = 'Distance from the reference (mm, mrad)';
+    at('plane').style.touchAction = 'pan-y';
+    at('plane').addEventListener('pointermove', turn);
+  }
   readLink();
   showSettings();
   refresh();

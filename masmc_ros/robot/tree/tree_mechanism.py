@@ -426,7 +426,7 @@ class TreeMechanism(Mechanism):
         return self.followed.axes(path, before, trail, self._reach)
 
     @cached_property
-    def _frames(self) -> Frames:
+    def frame_motion(self) -> Frames:
         """Poses of the frames, and the positions that move them."""
         places = {joint.name: len(self.base) + i for i, joint in enumerate(self.joints)}
         wheels = self.robot.wheels
@@ -462,7 +462,7 @@ class TreeMechanism(Mechanism):
 
     def _frame_origins(self, lengths: Array) -> Array:
         """Return the positions of the frames in their parents with all joints at zero."""
-        return self._frames.origin[:, :3]
+        return self.frame_motion.origin[:, :3]
 
     def _frame_transforms(self, origins: Array, position: Array) -> Array:
         wheels = self.robot.wheels
@@ -470,7 +470,7 @@ class TreeMechanism(Mechanism):
             first, size = len(self.base), self.robot.tree.base
             turned = wheels.rates_of(position[:, first:first + size])
             position = np.hstack([position, turned])
-        frame_poses: Array = transforms(self._frames, position)
+        frame_poses: Array = transforms(self.frame_motion, position)
         return frame_poses
 
     def _description(
@@ -495,12 +495,12 @@ class TreeMechanism(Mechanism):
 
     def _outline(self, lengths: Array, position: Array) -> Outline:
         """Return the base and the bodies on the way to each tip, seen from above."""
-        poses = self._frame_transforms(self._frames.origin, position[None])[0]
+        poses = self._frame_transforms(self.frame_motion.origin, position[None])[0]
         children = (child for _, child in self.frames)
         places = dict(zip(children, world_of(self.frames, poses), strict=True))
         r, origin = places[self.frames[0][1]]
         above = {child: parent for parent, child in self.frames}
-        moving = {self.frames[i][1] for i in np.flatnonzero(self._frames.motion)}
+        moving = {self.frames[i][1] for i in np.flatnonzero(self.frame_motion.motion)}
         ways = []
         for link in self.tips:
             way = [places[link][1][:2]]

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 
 // Runs of a generated controller with the simulated robot of its library, without ROS:
-//   harness run PATH APPROACH_SPEED   all torques on stdout, allocations in update() on stderr
+//   harness run PATH APPROACH_SPEED [wheels]  all torques on stdout, allocations in update() on stderr
 //   harness events PATH               modes and commands after faults, requests and parameters
 //   harness jitter PATH SECONDS [NS]  lateness and duration of each update() in ns, at a period NS
 #include <dlfcn.h>
@@ -65,9 +65,11 @@ public:
     const auto names = controller.state_interface_configuration().names;
     for (std::size_t i = names.size(); i-- > 0;) {
       // In reverse: a controller finds its interfaces by name.
-      const std::size_t count = names.size() / 2;
+      // The pose of a fixed base has no interface.
+      const std::size_t count = names.size() / 2, fixed = PAPER_POSITION - count;
       states.emplace_back(
-        names[i], i < count ? &signals.position[i] : &signals.velocity[i - count]);
+        names[i],
+        i < count ? &signals.position[fixed + i] : &signals.velocity[fixed + i - count]);
     }
     const auto efforts = controller.command_interface_configuration().names;
     for (std::size_t i = 0; i < efforts.size(); i++) {
@@ -83,7 +85,7 @@ public:
   }
 
   paper_signals signals = paper_signals_initial;
-  double effort[4] = {};
+  double effort[sizeof paper_signals::torque / sizeof(double)] = {};
   std::int64_t tick = 0;
 
 private:
@@ -107,12 +109,16 @@ void update(Controller & controller, std::int64_t stamp)
 }
 
 std::unique_ptr<Controller> started(
-  Robot & robot, const char * path, const std::map<std::string, double> & parameters)
+  Robot & robot, const char * path, const std::map<std::string, double> & parameters,
+  bool by_wheels = false)
 {
   auto controller = new_controller();
   controller->update_rate = 1000;
   controller->on_init();
   controller->get_node()->set("path", std::string(path));
+  if (by_wheels) {
+    controller->get_node()->set("wheel_odometry", true);
+  }
   for (const auto & [name, value] : parameters) {
     controller->get_node()->set(name, value);
   }
@@ -127,10 +133,10 @@ std::unique_ptr<Controller> started(
   return controller;
 }
 
-int run(const char * path, double speed)
+int run(const char * path, double speed, bool by_wheels)
 {
   Robot robot;
-  const auto controller = started(robot, path, {{"approach_speed", speed}});
+  const auto controller = started(robot, path, {{"approach_speed", speed}}, by_wheels);
   for (std::int64_t tick = 0; tick < PAPER_TICKS; tick++) {
     update(*controller, tick * kPeriod);
     std::fwrite(robot.effort, sizeof robot.effort, 1, stdout);
@@ -151,8 +157,8 @@ void pass(Controller & controller, Robot & robot, const char * event, int ticks,
     robot.move();
   }
   double sum = 0.0;
-  for (int i = 0; i < 4; i++) {
-    sum += std::fabs(robot.effort[i]);
+  for (const double effort : robot.effort) {
+    sum += std::fabs(effort);
   }
   controller.get_node()->on_timer();
   std::fprintf(
@@ -219,8 +225,8 @@ int jitter(const char * path, double seconds, std::int64_t period)
 int main(int count, char ** arguments)
 {
   const std::string mode = count > 2 ? arguments[1] : "";
-  if (mode == "run" && count == 4) {
-    return run(arguments[2], std::atof(arguments[3]));
+  if (mode == "run" && count >= 4) {
+    return run(arguments[2], std::atof(arguments[3]), count > 4);
   }
   if (mode == "events") {
     return events(arguments[2]);
@@ -228,6 +234,6 @@ int main(int count, char ** arguments)
   if (mode == "jitter" && count >= 4) {
     return jitter(arguments[2], std::atof(arguments[3]), count > 4 ? std::atoll(arguments[4]) : kPeriod);
   }
-  std::fputs("expected run PATH SPEED, events PATH or jitter PATH SECONDS [NS]\n", stderr);
+  std::fputs("expected run PATH SPEED [wheels], events PATH or jitter PATH SECONDS [NS]\n", stderr);
   return 1;
 }
