@@ -389,7 +389,10 @@ def _slider(parameter: Parameter, value: Any) -> dict[str, Any]:
 
 
 def _script(name: str) -> Markup:
-    return Markup((_TEMPLATES / name).read_text(encoding='utf-8'))
+    """Return a script without indentation, and without comments but those of its head."""
+    head, body = (_TEMPLATES / name).read_text(encoding='utf-8').split('\n\n', 1)
+    lines = (line.strip() for line in body.splitlines())
+    return Markup('\n'.join([head, *(line for line in lines if line and line[:2] != '//')]))
 
 
 def _packed(content: bytes) -> str:
