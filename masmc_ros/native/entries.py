@@ -21,7 +21,6 @@ from masmc_ros.jit.sized_records import (
 )
 from masmc_ros.loop import closed_loop
 from masmc_ros.loop.closed_loop import NOT_FINITE
-from masmc_ros.loop.odometry import odometry
 from masmc_ros.loop.signals import inputs
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.supervision import (
@@ -33,6 +32,7 @@ from masmc_ros.loop.supervision import (
 from masmc_ros.messages.stamp_order import state_timeout
 from masmc_ros.plant_model.plant_tick import advance, observe
 from masmc_ros.reference.line_sine import line_sine
+from masmc_ros.robot.dead_reckoning import odometry
 from numba import from_dtype, types
 from numba.core import cgutils
 from numba.np.arrayobj import get_cfarray_intrinsic
@@ -307,7 +307,7 @@ def _pointer(record: Records) -> types.Type:
 
 def records_at(place: Pointer) -> Records:
     """Return the array of the one record at an address, in compiled code."""
-    raise NotImplementedError
+    raise NotImplementedError  # only compiled code has addresses
 
 
 def _type_of_records(context: Type, place: Type) -> types.Type:

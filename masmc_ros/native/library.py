@@ -22,7 +22,6 @@ from masmc_ros.json_text import json_text
 from masmc_ros.law.parts.delay_fields import ENABLING
 from masmc_ros.law.parts.model import PAYLOAD
 from masmc_ros.loop.closed_loop import NOT_FINITE, SINGULAR
-from masmc_ros.loop.odometry import has_odometry
 from masmc_ros.loop.records import read_by
 from masmc_ros.loop.signals import inputs, SIGNALS
 from masmc_ros.loop.simulation import Simulation
@@ -43,6 +42,7 @@ from masmc_ros.native.targets import Target
 from masmc_ros.native.template import filled
 from masmc_ros.output_files import check_absent, make_folder, write_file
 from masmc_ros.params.declaration import Parameter, Values
+from masmc_ros.robot.dead_reckoning import has_odometry
 import numpy as np
 
 _KINDS = {'f8': 'double', 'i8': 'int64_t', 'i4': 'int32_t'}

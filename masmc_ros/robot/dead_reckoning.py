@@ -12,7 +12,10 @@ from masmc_ros.aliases import Array, Records
 from masmc_ros.jit.arrays import to_vector
 from masmc_ros.jit.compiled import kernel
 from masmc_ros.jit.lanes import lane_of
+from masmc_ros.jit.tuples import elementwise, tail
 from masmc_ros.jit.vectors import check_workspace
+from masmc_ros.numerics.scalars import minus
+from masmc_ros.params.declaration import Values
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.base_pose import OLDEST_POSE_NS, Pose
 from masmc_ros.robot.robot import Robot
@@ -28,6 +31,48 @@ def _reckon(body: Records, turned: Array, pose: Array) -> None:
     angles = to_vector(turned, robot.rates)
     pose[0], pose[1], pose[2] = mechanism.dead_reckoned(model, (pose[0], pose[1], pose[2]), angles)
     check_workspace(robot)
+
+
+def has_odometry(values: Values) -> bool:
+    """Return True if the wheels of a robot determine its pose: of a base on two wheels."""
+    return bool(values.get('robot.base', 'differential') == 'differential')
+
+
+@kernel
+def odometry(
+    settings: Records, signals: Records, before: Array, position: Array, velocity: Array
+) -> int:
+    """
+    Write the pose of a base on two wheels and its derivative; return 0.
+
+    The wheels roll without slip; see `mechanism.dead_reckoned`.
+
+    Parameters
+    ----------
+    settings, signals
+        Records of the controller; the signals are not changed.
+    before
+        Positions (positions) of the last state, with the pose in m and rad.
+    position
+        Measured positions of wheels and joints at the last entries (positions); the pose is
+        written into the first ones.
+    velocity
+        Their velocities (positions); those of the pose are written.
+
+    """
+    row = lane_of(signals[0], 0)
+    model = mechanism.model_of(lane_of(settings[0], 0))
+    start = to_vector(before, row.position)
+    now = tail(to_vector(position, start), row.torque)
+    turned = elementwise(minus, now, tail(start, row.torque))
+    pose = mechanism.dead_reckoned(model, (before[0], before[1], before[2]), turned)
+    position[0], position[1], position[2] = pose
+    posture = mechanism.posture(model, to_vector(position, start))
+    rates = tail(to_vector(velocity, start), row.torque)
+    motion = mechanism.position_rates(model, posture, rates)
+    velocity[0], velocity[1], velocity[2] = motion[0], motion[1], motion[2]
+    check_workspace(row)
+    return 0
 
 
 class DeadReckoning:
