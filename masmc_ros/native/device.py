@@ -26,8 +26,7 @@ from masmc_ros.loop.simulated_robot import (
     NO_STATE,
     write_plants,
 )
-from masmc_ros.native.accelerator import Accelerator, DeviceMemoryError, named
-from masmc_ros.native.gpu_code import places_of, thread_code
+from masmc_ros.native.accelerator import Accelerator, DeviceMemoryError, named, places_of
 from masmc_ros.params.declaration import Values
 from masmc_ros.report.measure.metrics import Metrics
 from masmc_ros.report.measure.reduced import metrics_of_lane, ReducedWindow, SETTLING
@@ -406,6 +405,8 @@ def _loaded(device: Accelerator, records: Mapping[str, Records]) -> Callable[...
     """Return the kernel for records of one lane on a device."""
     key = tuple(str(record.dtype.descr) for record in records.values())
     if key not in device.functions:
+        from masmc_ros.native.gpu_code import thread_code  # the start of commands is faster
+
         desired = len(records['signals'][0]['reference'])
         try:
             device.functions[key] = device.load(thread_code(records, desired))

@@ -25,6 +25,7 @@ from masmc_ros.jit.compiled import exported_code
 from masmc_ros.loop import closed_loop
 from masmc_ros.loop.control import control
 from masmc_ros.loop.reduction import reduce_tick
+from masmc_ros.native.accelerator import KERNEL, places_of, THREAD
 from masmc_ros.native.entries import Entry
 from masmc_ros.native.object_code import merged, optimised
 from masmc_ros.native.targets import Target
@@ -35,25 +36,12 @@ from numba import carray, from_dtype, types
 Pointer = Any
 """Address of numbers or of a record in compiled code."""
 
-KERNEL, THREAD = 'masmc_kernel', 'masmc_thread'
-"""Names of the function of the card, and of that of a single thread."""
-
 CONSTANT = 2
 """Number of records, the first ones, that ticks only read."""
 
 _REJECTED = re.compile(
     r'\bfma\.|\bmad\.rn|\b(?:add|sub|mul|div|sqrt)\.(?:f64|approx|full)|\.extern .*'
 )
-
-
-def places_of(records: Mapping[str, Records]) -> tuple[dict[str, int], int]:
-    """Return the first word of each record of a run, and the number of all words."""
-    places, place = {}, 0
-    for name, record in records.items():
-        places[name] = place
-        # All numbers have 8 bytes, and the tags after them one.
-        place += sum(record.dtype[member].itemsize // 8 for member in record.dtype.names or ())
-    return places, place
 
 
 def thread_code(records: Mapping[str, Records], desired: int) -> str:
