@@ -32,7 +32,6 @@ from typing import Any, cast, NamedTuple
 import zlib
 
 from llvmlite import __version__ as llvmlite_version
-from llvmlite.binding import ffi
 from masmc_ros.aliases import AnyFunction, Function
 from masmc_ros.errors import UserError
 from masmc_ros.jit.code_files import CodeFiles, Key
@@ -88,22 +87,6 @@ class _RareCollections(event.Listener):
 
 
 event.register('numba:compile', _RareCollections())
-
-
-def _end_lock_events() -> None:
-    """
-    End the events of LLVM's lock, for which this package has no listener.
-
-    Each call of LLVM in a nested compilation informs the timers of all compilations around it.
-    This takes a twentieth of the compilation time of a law.
-    """
-    lock = getattr(ffi.lib, '_lock', None)
-    for callbacks in tuple(getattr(lock, '_cblist', ())):
-        if callbacks[0].__module__ == 'numba.core.base':
-            ffi.unregister_lock_callback(*callbacks)
-
-
-_end_lock_events()
 
 
 _EXPORTED: Mapping[str, Any] = {

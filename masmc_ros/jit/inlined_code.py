@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from types import CodeType
 from typing import Any
 
 from masmc_ros.aliases import Function
@@ -13,29 +12,9 @@ from masmc_ros.jit.generated import Type
 from masmc_ros.jit.sized_records import has_sizes_at_run_time
 from numba import types
 from numba.core.codegen import CPUCodeLibrary, JITCodeLibrary, ll
-from numba.core.compiler import Compiler
+from numba.core.compiler import Compiler, DefaultPassBuilder
 from numba.core.compiler_machinery import PassManager, register_pass
-from numba.core.typed_passes import (
-    AnnotateTypes,
-    IRLegalization,
-    NativeLowering,
-    NoPythonBackend,
-    NopythonTypeInference,
-    PreLowerStripPhis,
-)
-from numba.core.untyped_passes import (
-    DeadBranchPrune,
-    FixupArgs,
-    GenericRewrites,
-    InlineClosureLikes,
-    InlineInlinables,
-    IRProcessing,
-    MakeFunctionToJitFunction,
-    ReconstructSSA,
-    RewriteDynamicRaises,
-    RewriteSemanticConstants,
-    TranslateByteCode,
-)
+from numba.core.typed_passes import NativeLowering
 
 
 class _InlinedLibrary(JITCodeLibrary):
@@ -187,7 +166,7 @@ class ExportedCompiler(Compiler):
         """
         Compile a function to intermediate code.
 
-        An entry with sizes at run time, none of which becomes a constant, is optimised.
+        An entry is optimised if its sizes stay unknown until it runs.
         """
         library = _ExportedLibrary(self.state.targetctx.codegen(), function.__qualname__)
         library.is_optimised = any(
@@ -198,27 +177,11 @@ class ExportedCompiler(Compiler):
         return super().compile_extra(function)
 
     def define_pipelines(self) -> list[PassManager]:
-        """Return the passes of Numba that formulas need; few of them contain functions."""
-        passes = PassManager('exported')
-        constants = self.state.func_id.code.co_consts
-        has_functions = any(isinstance(constant, CodeType) for constant in constants)
-        for kind, name in _EXPORTED_PASSES:
-            if has_functions or kind not in _PASSES_OF_FUNCTIONS:
-                passes.add_pass(kind, name)
+        """Return the passes of Numba, with another generation of code."""
+        passes = DefaultPassBuilder.define_nopython_pipeline(self.state, 'exported')
+        passes.passes = [
+            (_ExportedLowering if kind is NativeLowering else kind, name)
+            for kind, name in passes.passes
+        ]
         passes.finalize()
         return [passes]
-
-
-_EXPORTED_PASSES = (
-    (TranslateByteCode, 'bytecode'), (FixupArgs, 'arguments'), (IRProcessing, 'control flow'),
-    (InlineClosureLikes, 'closures'),
-    (RewriteSemanticConstants, 'constants'), (DeadBranchPrune, 'branches'),
-    (GenericRewrites, 'rewrites'), (RewriteDynamicRaises, 'exceptions'),
-    (MakeFunctionToJitFunction, 'functions'), (InlineInlinables, 'inlined functions'),
-    (DeadBranchPrune, 'branches'), (ReconstructSSA, 'single assignment'),
-    (DeadBranchPrune, 'branches'),
-    (NopythonTypeInference, 'types'), (PreLowerStripPhis, 'phis'),
-    (IRLegalization, 'legalization'), (AnnotateTypes, 'annotations'),
-    (_ExportedLowering, 'intermediate code'), (NoPythonBackend, 'result'),
-)  # fmt: skip
-_PASSES_OF_FUNCTIONS = {InlineClosureLikes, MakeFunctionToJitFunction}
