@@ -57,16 +57,19 @@ TREES = 'my_robot.yaml', 'tiago', 'config/tiago.yaml'
 OTHER_NODES = '/plant', '/trajectory'
 """Nodes other than the controller whose parameters pages change."""
 
-COMPILED = {'excite', 'run', 'warm'}
-PLANAR = dict.fromkeys(('config/tiago.yaml', 'config/ur5.yaml', 'tiago'), 'config/paper.yaml')
+COMPILED = {'excite', 'library', 'page', 'play', 'run', 'warm'}
+PLANAR = dict.fromkeys(
+    ('config/tiago.yaml', 'config/ur5.yaml', 'my_robot.yaml', 'tiago', 'ur5'), 'config/paper.yaml'
+)
 """Commands that compile the code of URDF robots for minutes: pages run them with the planar one.
 
-Tests of identification, of law changes and of the launch files run them with URDF robots.
+Tests of identification, of law changes, of the launch files and in test/native run them with URDF
+robots.
 """
 
 CAMPAIGNS = ('sweep', 'monte-carlo', 'tune')
 
-SMALLER = {'--seeds': '2', '--runs': '2', '--evaluations': '4', '--device': 'stand-in'}
+SMALLER = {'--seeds': '2', '--runs': '2', '--evaluations': '4', '--device': 'cpu'}
 """Options of commands that compute many runs, with values that take little time and no GPU."""
 
 INTERPRETED = {'NUMBA_DISABLE_JIT': '1'}
