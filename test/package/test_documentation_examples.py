@@ -249,6 +249,8 @@ class PageRun:
             arguments += ['--laws', 'smc,rasmc']
         if command == 'page':
             arguments += ['--laws', 'rasmc:tanh']  # the last one counts
+        if command == 'warm':
+            arguments += ['--laws', 'rasmc']
         is_single = command in ('simulate', 'compare')
         is_interpreted = is_shortened and (is_single or arguments[1] in TREES)
         return arguments, is_interpreted
