@@ -47,9 +47,13 @@ MISSING = re.compile(
 
 LONG = (
     'package/test_documentation_examples.py',
+    'native/test_library.py',
     'package/test_wheel.py',
     'nodes/test_law_change_nodes.py',
     'loop/test_latency.py',
+    'native/test_device.py',
+    'native/test_ros2_control.py',
+    'native/test_page.py',
     'loop/test_tree_run.py',
     'campaign/test_cluster.py',
     'loop/test_tree_sizes.py',
