@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,6 +19,7 @@ from masmc_ros.identification.excitation import (
 )
 from masmc_ros.identification.nominal import nominal_of, of_its_kind
 from masmc_ros.identification.parameter_file import write_parameters
+from masmc_ros.loop.scenario import Scenario
 from masmc_ros.messages.topics import PARAMETER_NODES
 from masmc_ros.params.declaration import MutableValues, Values
 from masmc_ros.params.file import EVERY
@@ -51,7 +52,7 @@ class Excitation(NamedTuple):
 
 def write_exciting(
     path: Path,
-    scenario: Mapping[str, Values],
+    scenario: Scenario,
     source: str,
     *,
     duration: float,
@@ -85,7 +86,7 @@ def write_exciting(
     """
     if duration < PERIOD:
         raise InputError(f'--duration {duration:g}: expected at least {PERIOD:g} s, one period')
-    plant, control = scenario['plant'], scenario['controller']
+    plant, control = scenario.plant, scenario.controller
     # The limits of torques are those of the robot, so its masses are not scaled.
     nominal = nominal_of({**control, 'model_scale': 1.0})
     start = np.array(plant['initial_joints'])

@@ -15,11 +15,11 @@ from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.log.write.simulated import SimulationLog
 from masmc_ros.loop.plant_parameters import PAYLOAD_MASS, PUSH
+from masmc_ros.loop.scenario import Scenario
 from masmc_ros.loop.simulated_robot import plant_of
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.tick_block import Change
 from masmc_ros.loop.timing import Timing
-from masmc_ros.params.declaration import MutableValues
 from masmc_ros.plant.latest_command import CommandPart, Commands
 from masmc_ros.plant.lockstep import LockStep
 from masmc_ros.plant.plant_core import EndPush, Publish
@@ -37,11 +37,10 @@ CHANGES = (
 )
 
 
-def values_of(**plant: Any) -> dict[str, MutableValues]:
-    """Return checked values of a short run by node."""
+def values_of(**plant: Any) -> Scenario:
+    """Return the scenario of a short run."""
     shared = {'control_period': PERIOD, 'duration': TICKS * PERIOD, 'pacing': 'lockstep'}
-    values: dict[str, MutableValues] = node_values(shared, plant=plant)
-    return {**values, 'recorder': {'compression': 'zstd'}}
+    return node_values(shared, plant=plant).with_nodes({'recorder': {'compression': 'zstd'}})
 
 
 def states(simulation: Simulation) -> np.ndarray:

@@ -78,12 +78,12 @@ def run(options: argparse.Namespace) -> int:
     parameters = scenarios().get(options.robot) or Path(scenario_file(options.robot))
     source = source_of(str(parameters), folder=str(folder))
     if source.defaults is not None:
-        print_choices(str(parameters))
+        print_choices(source)
         parameters = folder / f'{parameters.stem}.yaml'
         write_file(parameters, source.text)
     simulated = options.robot if source.defaults is None else parameters
     scenario = load_scenario(str(parameters))
-    values, switching = scenario['plant'], scenario['controller']['switching']
+    values, switching = scenario.plant, scenario.controller['switching']
     duration = values['duration']
     start = _START if mechanism_from(values).name == DEFAULT.name else _FIRST_START
     logs = []

@@ -15,6 +15,7 @@ from masmc_ros.log.offered_qos import Qos
 from masmc_ros.log.traced_paths import ActualPath, DesiredPath
 from masmc_ros.log.write.provenance import write_origin, write_parameters
 from masmc_ros.log.write.writer import LogWriter
+from masmc_ros.loop.scenario import Scenario
 from masmc_ros.loop.signals import PUBLISHED
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.tick_block import Change, TickBlock
@@ -28,7 +29,6 @@ from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.messages.std_msgs import string_message
 from masmc_ros.messages.telemetry import telemetry_messages
 from masmc_ros.messages.transforms import transforms_messages
-from masmc_ros.params.declaration import Values
 from masmc_ros.robot.joint_names import check_frame_prefix, joint_names
 from masmc_ros.robot.robot import robot_description, robot_of
 import numpy as np
@@ -54,7 +54,7 @@ class SimulationLog:
     """
 
     def __init__(
-        self, path: Path, simulation: Simulation, values: Mapping[str, Values],
+        self, path: Path, simulation: Simulation, scenario: Scenario,
         files: Mapping[str, bytes],
     ) -> None:
         """
@@ -66,22 +66,20 @@ class SimulationLog:
             the file.
         simulation
             the run.
-        values
-            parameters of the run by node.
+        scenario
+            parameters of the run.
         files
             parameter files by name.
 
         """
         self._simulation = simulation
         # No state was late, so the log is one of a run in lock-step.
-        self._values = {
+        self._scenario = scenario.with_nodes({
             node: {**own, 'pacing': 'lockstep'} if 'pacing' in own else own
-            for node, own in values.items()
-        }
+            for node, own in scenario.values.items()
+        })
         self._changes: list[ParameterRecord] = []
-        plant, controller, trajectory = (
-            values[node] for node in ('plant', 'controller', 'trajectory')
-        )
+        plant, controller, trajectory = scenario.plant, scenario.controller, scenario.trajectory
         self._robot = robot_of(plant)
         self._mechanism = self._robot.mechanism
         self._prefix = check_frame_prefix(plant['frame_prefix'])
@@ -94,7 +92,7 @@ class SimulationLog:
             simulation.timing, robot_of(trajectory), prefix, trajectory['pose_frame']
         )
         self._desired = desired.whole(simulation.trajectory)
-        self._writer = LogWriter(path, compression=values['recorder']['compression'])
+        self._writer = LogWriter(path, compression=scenario['recorder']['compression'])
         self._is_stamped: bool = controller['enable_stamped_cmd_vel']
         self._command_prefix = check_frame_prefix(controller['frame_prefix'])
         types = {topic.name: topic.type_name for topic in topics.TOPICS}
@@ -127,7 +125,7 @@ class SimulationLog:
         self._writer.__enter__()
         write_origin(self._writer, self._files)
         for node in topics.PARAMETER_NODES:
-            self._write_record(ParameterRecord(f'/{node}', 0, 0, dict(self._values[node]), ()))
+            self._write_record(ParameterRecord(f'/{node}', 0, 0, dict(self._scenario[node]), ()))
         urdf = string_message(self._description)
         self._writer.write(self._channels[message_names.DESCRIPTION_TOPIC], 0, urdf)
         if self._desired is not None:
@@ -138,7 +136,7 @@ class SimulationLog:
     def __exit__(self, _: object, error: BaseException | None, traceback: object) -> None:
         """Complete the file, or remove it after an exception."""
         if error is None:
-            parameters = {node: self._values[node] for node in topics.PARAMETER_NODES}
+            parameters = {node: self._scenario[node] for node in topics.PARAMETER_NODES}
             write_parameters(self._writer, parameters, self._changes)
         self._writer.__exit__(_, error, traceback)
 
@@ -167,7 +165,7 @@ class SimulationLog:
 
     def _write_change(self, change: Change) -> None:
         """Write a change of a node at its first tick."""
-        node, values = f'/{change.node}', self._values[change.node]
+        node, values = f'/{change.node}', self._scenario[change.node]
         before = (past.parameters for past in reversed(self._changes) if past.node == node)
         stamp, changed = self._simulation.timing.stamp(change.tick), tuple(change.values)
         record = ParameterRecord(
@@ -222,7 +220,7 @@ class SimulationLog:
             yield message_names.ARM_VELOCITY_TOPIC, stamps[group.indices], group.messages
 
     def _telemetry(self, block: _Block) -> Iterator[_Rows]:
-        decimation = self._values['controller']['telemetry_decimation']
+        decimation = self._scenario.controller['telemetry_decimation']
         if decimation:
             rows = (block.ticks % decimation == 0) & block.tick_block.active
             stamps = block.stamps[rows]
@@ -269,7 +267,7 @@ class SimulationLog:
 
     def _rows(self, block: _Block, topic: str) -> NDArray[np.intp]:
         """Return the ticks of a decimated topic of the plant: multiples, and the last one."""
-        decimation = self._values['plant'][f'{topic}_decimation']
+        decimation = self._scenario.plant[f'{topic}_decimation']
         if not decimation:
             return np.zeros(0, np.intp)
         is_last = block.ticks == self._simulation.timing.last
@@ -278,7 +276,7 @@ class SimulationLog:
     def _reference(self, block: _Block) -> Iterator[_Rows]:
         """Yield the samples in windows, each at its own first stamp."""
         stamps, period = block.stamps, self._simulation.timing.period
-        length = max(2, round(self._values['trajectory']['window'] / period))
+        length = max(2, round(self._scenario.trajectory['window'] / period))
         for first in range(0, len(stamps), length):
             samples = block.tick_block.reference[first:first + length]
             raw = ReferenceWindow(int(stamps[first]), period, samples).to_bytes()

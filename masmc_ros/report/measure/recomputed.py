@@ -5,17 +5,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from masmc_ros.log.read.decode import Series
 from masmc_ros.log.read.gaps import gaps_in
 from masmc_ros.log.read.reader import Run
 from masmc_ros.loop.records import is_compensated
+from masmc_ros.loop.scenario import Scenario
 from masmc_ros.loop.tick_block import TickBlock
 from masmc_ros.loop.timed_simulation import Responses
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.cdr_layout import NANOSECONDS
-from masmc_ros.params.declaration import Values
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,7 +21,7 @@ _MOST_LATE = 20
 """Largest number of commands that are newer than the one that acts, in real time."""
 
 
-def logged_responses(run: Run, values: Mapping[str, Values]) -> Responses | None:
+def logged_responses(run: Run, scenario: Scenario) -> Responses | None:
     """
     Return the responses of the controller of a run in real time, None for one in lock-step.
 
@@ -36,11 +34,11 @@ def logged_responses(run: Run, values: Mapping[str, Values]) -> Responses | None
     ----------
     run
         Logged run.
-    values
-        Parameters by node, with which the run is computed.
+    scenario
+        Scenario with which the run is computed.
 
     """
-    plant, controller = values['plant'], run.parameters['controller']
+    plant, controller = scenario.plant, run.parameters['controller']
     period = plant['control_period']
     if controller.get('pacing') != 'realtime' or controller['control_period'] != period:
         return None
