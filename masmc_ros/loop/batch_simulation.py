@@ -22,7 +22,7 @@ from masmc_ros.law.law import Law
 from masmc_ros.law.parts.joint_limits import CHOICE as JOINT_LIMITS
 from masmc_ros.law.rates import RATES
 from masmc_ros.law.reaching.reaching import shortcut_of
-from masmc_ros.law.registry import load_for
+from masmc_ros.law.registry import LAW, load_for, SWITCHING_TERM
 from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import (
     closed_loop,
@@ -33,7 +33,7 @@ from masmc_ros.loop.closed_loop import (
     reduced_loop,
 )
 from masmc_ros.loop.law_dry_run import check
-from masmc_ros.loop.plant_parameters import RIGID
+from masmc_ros.loop.plant_parameters import MEASUREMENT_DELAY, PHYSICS, RIGID
 from masmc_ros.loop.reduction import axes_of_points, reduced_signals
 from masmc_ros.loop.scenario import Scenario
 from masmc_ros.loop.simulated_robot import (
@@ -106,10 +106,10 @@ class BatchRecords:
         control = first.controller
         robot = first.robot
         mechanism = robot.mechanism
-        law = load_for(control['law'], mechanism)
+        law = load_for(LAW.of(control), mechanism)
         if not isinstance(law, Law):
             raise InputError(
-                f'law = {control["law"]}: it is plain Python, expected a compiled law'
+                f'law = {LAW.of(control)}: it is plain Python, expected a compiled law'
             )
         if takes_rates(control):
             law = RATES
@@ -129,7 +129,7 @@ class BatchRecords:
         settings, read = _law_settings(
             mechanism,
             law,
-            control['switching'],
+            SWITCHING_TERM.of(control),
             lanes,
             hybrid=is_hybrid(control),
             compensated=compensated,
@@ -145,9 +145,9 @@ class BatchRecords:
         self._state = records.plant_memory(mechanism, lanes)
         self._now = records.signals(mechanism, lanes)
         base, period, write = first.plant, self.timing.period, ValuesOfFirst().write
-        if base['physics'] != RIGID:
+        if PHYSICS.of(base) != RIGID:
             raise InputError(
-                f'plant.physics = {base["physics"]}: expected {RIGID} for runs in one batch; '
+                f'plant.physics = {PHYSICS.of(base)}: expected {RIGID} for runs in one batch; '
                 'masmc simulate computes single runs with other physics'
             )
         write_plant(self._plant, robot, period, base, None, write)
@@ -161,7 +161,7 @@ class BatchRecords:
             is_other = run.controller is not control and run.controller != control
             if is_other or lane in alone:
                 check_agreement(run.plant, run.controller)
-            is_later = run.plant['measurement_delay'] != base['measurement_delay']
+            is_later = MEASUREMENT_DELAY.of(run.plant) != MEASUREMENT_DELAY.of(base)
             if is_other or (compensated and is_later):
                 self._write_control(run, read, lane)
         self._law, self._control = law, control
@@ -178,7 +178,7 @@ class BatchRecords:
         records.write_law(self._settings, nominal, period, control, lane)
         records.write_parameters(self._settings, read, control, lane)
         if records.is_compensated(control):
-            fill(self._settings, 'stamp_age', stamp_age(plant['measurement_delay'], period), lane)
+            fill(self._settings, 'stamp_age', stamp_age(MEASUREMENT_DELAY.of(plant), period), lane)
         fill(self._learned, 'estimate', records.nominal_theta(nominal, control), lane)
 
     def _reference(self, first: int, count: int) -> Array:
@@ -212,7 +212,7 @@ class BatchSimulation(BatchRecords):
 
     def _with_shortcut(self, law: Law, control: Values) -> Records | None:
         """Return the settings with the shortcut of the reaching term; None without use for it."""
-        name = shortcut_of(control['switching']) if law.uses_switching else ''
+        name = shortcut_of(SWITCHING_TERM.of(control)) if law.uses_switching else ''
         is_special = is_hybrid(control) or records.is_compensated(control)
         if is_special or records.is_limited(control, self.mechanism):
             name = ''

@@ -29,6 +29,7 @@ from masmc_ros.loop.simulated_robot import (
     write_plant,
     write_start,
 )
+from masmc_ros.loop.timing import CONTROL_PERIOD
 from masmc_ros.robot.robot import robot_of
 import numpy as np
 from numpy.typing import NDArray
@@ -78,7 +79,7 @@ class DrivenRobots:
         """
         robot = scenario.robot
         mechanism = self.mechanism = robot.mechanism
-        self._period, self._path = scenario.plant['control_period'], path
+        self._period, self._path = CONTROL_PERIOD.of(scenario.plant), path
         self._window, self._settling = window, settling
         self._points = axes_of_points(mechanism)
         self._plant = records.plant_settings(

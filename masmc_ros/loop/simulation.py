@@ -14,6 +14,7 @@ from masmc_ros.jit.record import uninitialised
 from masmc_ros.law.command_interface import check_agreement
 from masmc_ros.loop.closed_loop import closed_loop, plant_step_of
 from masmc_ros.loop.controller import Controller
+from masmc_ros.loop.controller_parameters import ACTIVE_ON_START, APPROACH_SPEED
 from masmc_ros.loop.drive import Drive
 from masmc_ros.loop.scenario import Scenario
 from masmc_ros.loop.signals import OF_PLANT
@@ -140,8 +141,8 @@ class Simulation:
             self._drive.apply(change.event, stamp, self.plant.position, self.plant.velocity)
 
     def _new_drive(self) -> Drive:
-        approach = Approach(self.controller.robot, self._start['approach_speed'])
-        is_active = self._start['active_on_start']
+        approach = Approach(self.controller.robot, APPROACH_SPEED.of(self._start))
+        is_active = ACTIVE_ON_START.of(self._start)
         return Drive(self.controller, approach, is_active=is_active, is_timed=self._is_timed)
 
     def _followed(self, first: int, reference: Array) -> Array:

@@ -308,7 +308,7 @@ def _changes(run: Run, without: Mapping[str, Values]) -> list[Change]:
         for node in ('controller', 'plant')
     }
     # The other changes of a plant are those of its pacing.
-    known['plant'] = {name: known['plant'][name] for name in (PAYLOAD_MASS, PUSH)}
+    known['plant'] = {name: known['plant'][name] for name in (PAYLOAD_MASS.name, PUSH.name)}
     changes = []
     for change in run.changes:
         node = change.node.rpartition('/')[2]
