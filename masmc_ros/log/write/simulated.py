@@ -10,15 +10,19 @@ from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
+from masmc_ros.law.command_interface import ENABLE_STAMPED_CMD_VEL
 from masmc_ros.log.mcap.chunks import ChannelRows
 from masmc_ros.log.offered_qos import Qos
+from masmc_ros.log.recorder_parameters import COMPRESSION
 from masmc_ros.log.traced_paths import ActualPath, DesiredPath
 from masmc_ros.log.write.provenance import write_origin, write_parameters
 from masmc_ros.log.write.writer import LogWriter
+from masmc_ros.loop.controller_parameters import POSE_FRAME, TELEMETRY_DECIMATION
 from masmc_ros.loop.scenario import Scenario
 from masmc_ros.loop.signals import PUBLISHED
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.tick_block import Change, TickBlock
+from masmc_ros.loop.trajectory_parameters import WINDOW
 from masmc_ros.messages import names as message_names
 from masmc_ros.messages import platform_messages, topics
 from masmc_ros.messages.cdr_layout import Messages
@@ -29,7 +33,7 @@ from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.messages.std_msgs import string_message
 from masmc_ros.messages.telemetry import telemetry_messages
 from masmc_ros.messages.transforms import transforms_messages
-from masmc_ros.robot.joint_names import check_frame_prefix, joint_names
+from masmc_ros.robot.joint_names import check_frame_prefix, FRAME_PREFIX, joint_names
 from masmc_ros.robot.robot import robot_description, robot_of
 import numpy as np
 from numpy.typing import NDArray
@@ -82,19 +86,19 @@ class SimulationLog:
         plant, controller, trajectory = scenario.plant, scenario.controller, scenario.trajectory
         self._robot = robot_of(plant)
         self._mechanism = self._robot.mechanism
-        self._prefix = check_frame_prefix(plant['frame_prefix'])
+        self._prefix = check_frame_prefix(FRAME_PREFIX.of(plant))
         self._joints = joint_names(plant)
         self._description = robot_description(plant, self._prefix)
         self._files = {**files, 'robot.urdf': self._description.encode()}
         self._actual = ActualPath(simulation.timing, self._robot, self._prefix)
-        prefix = check_frame_prefix(trajectory['frame_prefix'])
+        prefix = check_frame_prefix(FRAME_PREFIX.of(trajectory))
         desired = DesiredPath(
-            simulation.timing, robot_of(trajectory), prefix, trajectory['pose_frame']
+            simulation.timing, robot_of(trajectory), prefix, POSE_FRAME.of(trajectory)
         )
         self._desired = desired.whole(simulation.trajectory)
-        self._writer = LogWriter(path, compression=scenario['recorder']['compression'])
-        self._is_stamped: bool = controller['enable_stamped_cmd_vel']
-        self._command_prefix = check_frame_prefix(controller['frame_prefix'])
+        self._writer = LogWriter(path, compression=COMPRESSION.of(scenario['recorder']))
+        self._is_stamped = ENABLE_STAMPED_CMD_VEL.of(controller)
+        self._command_prefix = check_frame_prefix(FRAME_PREFIX.of(controller))
         types = {topic.name: topic.type_name for topic in topics.TOPICS}
         latched = {topic.name for topic in topics.TOPICS if topic.is_latched}
         if self._is_stamped:
@@ -220,7 +224,7 @@ class SimulationLog:
             yield message_names.ARM_VELOCITY_TOPIC, stamps[group.indices], group.messages
 
     def _telemetry(self, block: _Block) -> Iterator[_Rows]:
-        decimation = self._scenario.controller['telemetry_decimation']
+        decimation = TELEMETRY_DECIMATION.of(self._scenario.controller)
         if decimation:
             rows = (block.ticks % decimation == 0) & block.tick_block.active
             stamps = block.stamps[rows]
@@ -276,7 +280,7 @@ class SimulationLog:
     def _reference(self, block: _Block) -> Iterator[_Rows]:
         """Yield the samples in windows, each at its own first stamp."""
         stamps, period = block.stamps, self._simulation.timing.period
-        length = max(2, round(self._scenario.trajectory['window'] / period))
+        length = max(2, round(WINDOW.of(self._scenario.trajectory) / period))
         for first in range(0, len(stamps), length):
             samples = block.tick_block.reference[first:first + length]
             raw = ReferenceWindow(int(stamps[first]), period, samples).to_bytes()
