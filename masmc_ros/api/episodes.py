@@ -25,9 +25,9 @@ from masmc_ros.campaign.part import CPU, metric_columns
 from masmc_ros.campaign.runs import LANES
 from masmc_ros.campaign.variable import Variable
 from masmc_ros.errors import InputError
-from masmc_ros.law.command_interface import by_velocity
+from masmc_ros.law.command_interface import by_velocity, COMMAND_INTERFACE
 from masmc_ros.loop.driven_robots import DrivenRobots
-from masmc_ros.loop.plant_parameters import RIGID
+from masmc_ros.loop.plant_parameters import PHYSICS, RIGID, SEED, TORQUE_LIMIT
 from masmc_ros.loop.timing import Timing
 from masmc_ros.native.device import device_option, DeviceRobots
 from masmc_ros.params.declaration import Values
@@ -306,7 +306,7 @@ class Episodes:
             (run,) = self._campaigns[seed].runs(number, 1)
             runs.setdefault(robot // self._lanes, {})[robot % self._lanes] = run.scenario
             self._plants[robot] = run.scenario.plant
-            row = {'run': number, 'seed': run.scenario.plant['seed'], **run.values}
+            row = {'run': number, 'seed': SEED.of(run.scenario.plant), **run.values}
             self._drawn[robot] = row
             infos[robot] = {'drawn': row}
         for block, chosen in runs.items():
@@ -319,7 +319,7 @@ class Episodes:
     def _of_seed(self, seed: int) -> Campaign:
         plant = self._campaign.scenario.plant
         # Episodes of different seeds have different noise, also without drawn parameters.
-        plant = {**plant, 'seed': (plant['seed'] + seed) % _SEEDS}
+        plant = {**plant, 'seed': (SEED.of(plant) + seed) % _SEEDS}
         scenario = self._campaign.scenario.with_nodes({'plant': plant})
         return replace(self._campaign, seed=seed, scenario=scenario)
 
@@ -397,11 +397,11 @@ def _check_variable(variable: Variable) -> None:
 
 def _checked_timing(plant: Values) -> Timing:
     """Return the control grid; raise InputError for a plant that torques cannot drive."""
-    if plant['physics'] != RIGID:
-        raise InputError(f'plant.physics = {plant["physics"]}: expected {RIGID} for episodes')
+    if PHYSICS.of(plant) != RIGID:
+        raise InputError(f'plant.physics = {PHYSICS.of(plant)}: expected {RIGID} for episodes')
     if by_velocity(plant, robot_of(plant).mechanism).any():
         raise InputError(
-            f'plant.command_interface = {plant["command_interface"]}: expected effort, because '
+            f'plant.command_interface = {COMMAND_INTERFACE.of(plant)}: expected effort, because '
             'actions are torques'
         )
     timing = Timing.from_values(plant)
@@ -440,7 +440,7 @@ def _action_limit(
     """
     joints = mechanism.sizes['joints']
     if limit is None:
-        known = [np.broadcast_to(values['torque_limit'], joints)
+        known = [np.broadcast_to(TORQUE_LIMIT.of(values), joints)
                  for values in (scenario.plant, scenario.controller)]  # fmt: skip
         chosen = np.where(known[0] > 0.0, known[0], known[1])
         return np.where(chosen > 0.0, chosen, DEFAULT_TORQUE)

@@ -26,8 +26,11 @@ from masmc_ros.campaign.variable import check_distinct, Variable, with_variables
 from masmc_ros.errors import InputError
 from masmc_ros.law import registry
 from masmc_ros.law.law import Law
+from masmc_ros.law.registry import LAW
 from masmc_ros.loop.batch_simulation import of_all_lanes
-from masmc_ros.loop.plant_parameters import RIGID
+from masmc_ros.loop.controller_parameters import ACTIVE_ON_START, APPROACH_ON_START
+from masmc_ros.loop.plant_parameters import PHYSICS, RIGID
+from masmc_ros.loop.plant_parameters import SEED as PLANT_SEED
 from masmc_ros.loop.scenario import Scenario
 from masmc_ros.params.text import yaml_text
 from masmc_ros.scenario.scenario import check_start
@@ -101,7 +104,7 @@ class Campaign(Description):
     @cached_property
     def notice(self) -> str:
         """Return a line on variables that prevent parallel runs; '' if there is none."""
-        if self.lanes == 1 or self.scenario.plant['physics'] != RIGID:
+        if self.lanes == 1 or PHYSICS.of(self.scenario.plant) != RIGID:
             return ''
         equal = of_all_lanes(self.scenario)
         names = [
@@ -160,7 +163,7 @@ class Campaign(Description):
 
     def _run(self, number: int, repeat: int, values: Sequence[object]) -> Run:
         plant = self.scenario.plant
-        plant = {**plant, 'seed': (plant['seed'] + repeat) % _SEEDS}
+        plant = {**plant, 'seed': (PLANT_SEED.of(plant) + repeat) % _SEEDS}
         scenario = self.scenario.with_nodes({'plant': plant})
         scenario = with_variables(scenario, self.variables, values)
         check_start(scenario, f'run {number}')
@@ -171,13 +174,13 @@ class Campaign(Description):
         """Return the command `masmc simulate` that repeats a run."""
         settings = [*self.settings, *(v.setting(run.scenario) for v in self.variables)]
         plant, controller = run.scenario.plant, run.scenario.controller
-        if plant['seed'] != self.scenario.plant['seed']:
-            settings.append(f'{SEED}={plant["seed"]}')
-        if plant['physics'] == RIGID:
+        if PLANT_SEED.of(plant) != PLANT_SEED.of(self.scenario.plant):
+            settings.append(f'{SEED}={PLANT_SEED.of(plant)}')
+        if PHYSICS.of(plant) == RIGID:
             # Such runs start active and without an approach.
-            if not controller['active_on_start']:
+            if not ACTIVE_ON_START.of(controller):
                 settings.append('controller.active_on_start=true')
-            if controller['approach_on_start']:
+            if APPROACH_ON_START.of(controller):
                 settings.append('controller.approach_on_start=false')
         # The last setting of a parameter applies.
         distinct = [*dict.fromkeys(reversed(settings))][::-1]
@@ -262,5 +265,5 @@ def _check(variable: Variable, scenario: Scenario, value: object, place: str) ->
 def _laws(campaign: Campaign) -> list[str]:
     """Return the names of all laws of a campaign."""
     varied = [axis.values for axis in campaign.axes if axis.name == 'controller.law']
-    return list(*varied) or [campaign.scenario.controller['law']]
+    return list(*varied) or [LAW.of(campaign.scenario.controller)]
 

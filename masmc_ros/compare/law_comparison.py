@@ -26,6 +26,7 @@ from masmc_ros.compare.contenders import Contender, contenders, marked
 from masmc_ros.compare.trials import drawn_robot, sets_observer, Trial, trials_named
 from masmc_ros.errors import InputError
 from masmc_ros.law.command_interface import is_hybrid, takes_rates
+from masmc_ros.law.registry import SWITCHING_TERM
 from masmc_ros.loop.scenario import Scenario
 from masmc_ros.params.file import parse_value
 import numpy as np
@@ -158,7 +159,7 @@ def comparison_of(
         )
     mechanism = scenario.mechanism
     named = trials_named(trials, mechanism)
-    chosen = contenders(laws, mechanism, controller['switching'])
+    chosen = contenders(laws, mechanism, SWITCHING_TERM.of(controller))
     for name, entered in (controllers or {}).items():
         foreign.enter(name, entered)
         chosen = (*chosen, Contender(name))

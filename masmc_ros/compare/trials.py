@@ -13,6 +13,7 @@ from masmc_ros.compare import hardware
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.law.command_interface import COMMAND_INTERFACE, COMMAND_INTERFACES, HYBRID
 from masmc_ros.law.reaching.implicit import OBSERVER_GAIN
+from masmc_ros.loop.plant_parameters import AMPLITUDE
 from masmc_ros.loop.scenario import Scenario
 from masmc_ros.params.declaration import Values
 from masmc_ros.robot.declaration import Mechanism
@@ -212,7 +213,7 @@ def drawn_robot(scenario: Scenario, mechanism: Mechanism, seed: int) -> Scenario
         if parameter.unit in _INERTIAL:
             plant[parameter.name] *= rng.uniform(0.6, 1.4)
     count = len(mechanism.joints)
-    amplitude = np.array(plant['disturbance.amplitude']) * rng.uniform(0.5, 1.5, count)
+    amplitude = np.array(AMPLITUDE.of(plant)) * rng.uniform(0.5, 1.5, count)
     plant['disturbance.amplitude'] = tuple(amplitude.tolist())
     plant['disturbance.phase'] = tuple(rng.uniform(0.0, 2.0 * math.pi, count).tolist())
     plant['seed'] = seed

@@ -18,7 +18,7 @@ from masmc_ros.jit.record import AT_RUN_TIME, lanes_of
 from masmc_ros.law.command_interface import takes_rates
 from masmc_ros.loop.batch_simulation import BatchRecords, BLOCK
 from masmc_ros.loop.driven_robots import DrivenRobots, OF_STATE
-from masmc_ros.loop.plant_parameters import RIGID
+from masmc_ros.loop.plant_parameters import PHYSICS, RIGID
 from masmc_ros.loop.reduction import axes_of_points, reduced_signals
 from masmc_ros.loop.scenario import Scenario
 from masmc_ros.loop.simulated_robot import (
@@ -360,9 +360,9 @@ class Device:
                 'robot.urdf: a GPU has no records of robots from URDF files; expected device cpu, '
                 "or the paper's robot"
             )
-        if plant['physics'] != RIGID:
+        if PHYSICS.of(plant) != RIGID:
             raise InputError(
-                f'plant.physics = {plant["physics"]}: expected {RIGID}, or device cpu'
+                f'plant.physics = {PHYSICS.of(plant)}: expected {RIGID}, or device cpu'
             )
 
 

@@ -21,7 +21,10 @@ from masmc_ros.jit.vectors import WORKSPACE
 from masmc_ros.json_text import json_text
 from masmc_ros.law.parts.delay_fields import ENABLING
 from masmc_ros.law.parts.model import PAYLOAD
+from masmc_ros.law.registry import LAW, SWITCHING_TERM
 from masmc_ros.loop.closed_loop import NOT_FINITE, SINGULAR
+from masmc_ros.loop.controller_parameters import ACTIVE_ON_START, APPROACH_ON_START
+from masmc_ros.loop.plant_parameters import PAYLOAD_MASS, PAYLOAD_TIME, PHYSICS
 from masmc_ros.loop.records import read_by
 from masmc_ros.loop.scenario import Scenario
 from masmc_ros.loop.signals import inputs, SIGNALS
@@ -164,14 +167,14 @@ def exported_simulation(scenario: Scenario, product: str) -> Simulation:
     Raises InputError if the scenario cannot leave Python.
     """
     control, plant = scenario.controller, scenario.plant
-    if control['approach_on_start'] or not control['active_on_start']:
+    if APPROACH_ON_START.of(control) or not ACTIVE_ON_START.of(control):
         raise InputError(
             f'approach_on_start or active_on_start: {product} has no approach and is always'
             ' active; expected approach_on_start false and active_on_start true'
         )
-    if plant['payload.mass'] and plant['payload.time']:
+    if PAYLOAD_MASS.of(plant) and PAYLOAD_TIME.of(plant):
         raise InputError(
-            f'plant.payload.time = {plant["payload.time"]:g}: the robot of {product} has its'
+            f'plant.payload.time = {PAYLOAD_TIME.of(plant):g}: the robot of {product} has its'
             ' payload from the start; expected 0'
         )
     # The product has its own compiled code. Plain Python warns of a NaN that it computes.
@@ -180,9 +183,9 @@ def exported_simulation(scenario: Scenario, product: str) -> Simulation:
     if simulation.timing.last is None:
         raise InputError(f'duration = 0.0: expected a length > 0 s for the run of {product}')
     if not simulation.plant.is_compiled:
-        raise InputError(f'plant.physics = {plant["physics"]}: expected rigid for {product}')
+        raise InputError(f'plant.physics = {PHYSICS.of(plant)}: expected rigid for {product}')
     if not simulation.controller.is_compiled:
-        raise InputError(f'law = {control["law"]}: it is plain Python, expected a compiled law')
+        raise InputError(f'law = {LAW.of(control)}: it is plain Python, expected a compiled law')
     with interpreted(), np.errstate(all='ignore'):
         simulation.controller.reset()
     return simulation
@@ -231,8 +234,8 @@ def _described(
         'has_odometry': 'odometry' in found,
         'name': name,
         'version': __version__,
-        'law': controller.values['law'],
-        'switching': controller.values['switching'] if controller.uses_switching else '',
+        'law': LAW.of(controller.values),
+        'switching': SWITCHING_TERM.of(controller.values) if controller.uses_switching else '',
         'period': simulation.timing.period,
         'ticks': simulation.timing.last + 1,
         'sizes': dict(zip(

@@ -15,7 +15,9 @@ from masmc_ros.cli.arguments import add_file, add_json, add_overwrite, add_setti
 from masmc_ros.cli.urdf_choices import choice_lines, choices_of
 from masmc_ros.errors import InputError
 from masmc_ros.json_text import json_text
+from masmc_ros.law.parts.command_limits import TORQUE_LIMIT
 from masmc_ros.log.recover.overlap import check_apart
+from masmc_ros.loop.plant_parameters import INITIAL_JOINTS, INITIAL_POSE
 from masmc_ros.loop.scenario import Scenario
 from masmc_ros.output_files import check_absent, write_file
 from masmc_ros.report.aligned import aligned, WIDTH
@@ -67,10 +69,10 @@ def _write(path: Path, file: str, options: argparse.Namespace) -> None:
 def _robot(scenario: Scenario) -> dict[str, Any]:
     plant, control = scenario.plant, scenario.controller
     mechanism, made = scenario.mechanism, scenario.robot
-    position = np.array(made.start(plant['initial_pose'], plant['initial_joints']))
+    position = np.array(made.start(INITIAL_POSE.of(plant), INITIAL_JOINTS.of(plant)))
     task = made.task_positions(position[None])[0]
     limits = mechanism.joint_limits
-    effort = control['torque_limit']
+    effort = TORQUE_LIMIT.of(control)
     start = position[-len(mechanism.joints):]
     at_end = mechanism.at_range_ends(start[None])[0]
     details = dict(mechanism.details(start))

@@ -25,6 +25,7 @@ from masmc_ros.errors import InputError
 from masmc_ros.json_text import json_text
 from masmc_ros.log.read.reader import is_log, read_run, Run
 from masmc_ros.log.recover.overlap import check_apart
+from masmc_ros.loop.plant_parameters import INITIAL_JOINTS
 from masmc_ros.loop.scenario import Scenario
 from masmc_ros.loop.signals import largest_slip
 from masmc_ros.loop.simulation import Simulation
@@ -112,7 +113,7 @@ def run(options: argparse.Namespace) -> int:
         simulation = TimedSimulation(source.scenario, source.changes, source.samples, responses)
     mechanism = simulation.plant.mechanism
     limits = np.array(lowest_limits(source.scenario))
-    start = np.array(source.scenario.plant['initial_joints'])
+    start = np.array(INITIAL_JOINTS.of(source.scenario.plant))
     for note in (*mechanism.notes, *mechanism.start_warnings(start, limits.tolist())):
         print(f'warning: {note}', file=sys.stderr)
     if simulation.trajectory.note:

@@ -18,10 +18,12 @@ from masmc_ros.identification.effort_echo import compile_echo
 from masmc_ros.jit.record import AT_RUN_TIME
 from masmc_ros.json_text import json_text
 from masmc_ros.law import registry
+from masmc_ros.law.registry import LAW
 from masmc_ros.loop.law_code import code_for
 from masmc_ros.loop.scenario import Scenario
 from masmc_ros.loop.simulated_robot import plant_of
 from masmc_ros.loop.simulation import Simulation
+from masmc_ros.loop.timing import CONTROL_PERIOD
 from masmc_ros.reference.joined import load_code
 from masmc_ros.report.measure.labels import law_label
 from masmc_ros.robot.robot import robot_of
@@ -73,7 +75,7 @@ def run(options: argparse.Namespace) -> int:
             print(f'{row["law"]} for {row["robot"]}: {state}')
 
     rows: list[dict[str, Any]] = []
-    for law in _laws(options.laws, scenario.controller['law']):
+    for law in _laws(options.laws, LAW.of(scenario.controller)):
         warm(file, [*options.set, f'controller.law={law}'])
     if options.file is None and options.laws is None and not options.set:
         with TemporaryDirectory() as folder:
@@ -88,7 +90,7 @@ def run(options: argparse.Namespace) -> int:
 def _warm(file: str, settings: Sequence[str]) -> dict[str, Any]:
     """Load or compile the code of a parameter file with settings; return its description."""
     scenario = load_scenario(file, settings)
-    duration = _TICKS * scenario.plant['control_period']
+    duration = _TICKS * CONTROL_PERIOD.of(scenario.plant)
     scenario = load_scenario(file, [*settings, f'duration={duration}'])
     mechanism = scenario.mechanism
     robot = 'robots of URDFs' if AT_RUN_TIME in mechanism.sizes else mechanism.name
@@ -113,7 +115,7 @@ def _load(scenario: Scenario) -> None:
     """Load all kernels of a simulation and of the nodes, or compile them."""
     for _ in Simulation(scenario).run():
         pass
-    plant = plant_of(scenario.plant, scenario.plant['control_period'])
+    plant = plant_of(scenario.plant, CONTROL_PERIOD.of(scenario.plant))
     plant.compile()
     compile_echo()
     code_for(plant.mechanism, scenario.controller).load()

@@ -17,9 +17,10 @@ import math
 
 from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError
+from masmc_ros.loop.plant_parameters import INITIAL_JOINTS, INITIAL_POSE
 from masmc_ros.loop.scenario import Scenario
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.loop.timing import Timing
+from masmc_ros.loop.timing import DURATION, Timing
 from masmc_ros.params.declaration import MutableValues
 from masmc_ros.reference.sampled_trajectory import SampledTrajectory
 from masmc_ros.reference.trajectory import Trajectory
@@ -215,7 +216,7 @@ def preview(scenario: Scenario, slowdown: float = 1.0) -> Preview:
     axes = len(robot.mechanism.axes)
     samples[:, axes:2 * axes] /= slowdown
     samples[:, 2 * axes:] /= slowdown**2
-    position = np.array(robot.start(plant['initial_pose'], plant['initial_joints']))
+    position = np.array(robot.start(INITIAL_POSE.of(plant), INITIAL_JOINTS.of(plant)))
     starts_on_path = bool(
         (np.abs(robot.task_errors(position[None], samples[:1, :axes])) < _JOINED * TOLERANCE).all()
         and (np.abs(samples[0, axes:2 * axes]) < _JOINED * TOLERANCE).all()
@@ -288,7 +289,7 @@ def _joined(error: Array, mechanism: Mechanism, timing: Timing) -> int:
 
 def _nominal_scenario(scenario: Scenario, slowdown: float) -> Scenario:
     """Return plant, controller and trajectory of a preview."""
-    duration = {'duration': slowdown * scenario.plant['duration']}
+    duration = {'duration': slowdown * DURATION.of(scenario.plant)}
     mechanism = scenario.robot.mechanism
     nominal: dict[str, MutableValues] = {}
     for node in ('plant', 'controller'):
