@@ -20,6 +20,7 @@ import time
 from typing import Any, TypeVar
 
 from benchmarks.measure import compared, Measure
+from masmc_ros.loop.scenario import Scenario
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.report.measure.reduced import reduced_metrics
 from masmc_ros.scenario.scenario import load_scenario
@@ -285,7 +286,7 @@ def mujoco_rollout() -> float:
     return timed(run)[0] / LANES
 
 
-def scenario(seconds: float) -> dict[str, dict[str, Any]]:
+def scenario(seconds: float) -> Scenario:
     """Return the scenario of the package."""
     return load_scenario(str(shared_file('config', 'paper.yaml')), (f'duration={seconds}',))
 

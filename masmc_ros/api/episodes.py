@@ -25,9 +25,9 @@ from masmc_ros.campaign.part import CPU, metric_columns
 from masmc_ros.campaign.runs import LANES
 from masmc_ros.campaign.variable import Variable
 from masmc_ros.errors import InputError
-from masmc_ros.law.command_interface import by_velocity
+from masmc_ros.law.command_interface import by_velocity, COMMAND_INTERFACE
 from masmc_ros.loop.driven_robots import DrivenRobots
-from masmc_ros.loop.plant_parameters import RIGID
+from masmc_ros.loop.plant_parameters import PHYSICS, RIGID, SEED, TORQUE_LIMIT
 from masmc_ros.loop.timing import Timing
 from masmc_ros.native.device import device_option, DeviceRobots
 from masmc_ros.params.declaration import Values
@@ -173,9 +173,9 @@ class Episodes:
         for variable in self._campaign.variables:
             _check_variable(variable)
         base = self._campaign.scenario
-        timing = _checked_timing(base['plant'])
+        timing = _checked_timing(base.plant)
         assert timing.last is not None
-        robot = robot_of(base['trajectory'])
+        robot = robot_of(base.trajectory)
         mechanism = robot.mechanism
         self.steps = timing.last + 1
         self._last_step = self.steps
@@ -188,7 +188,7 @@ class Episodes:
         self._period = timing.period
         self._reward = Reward(error_weight, torque_weight, error_limit)
         self._window = ReducedWindow.of(timing)
-        path = Trajectory(base['trajectory'], timing.period, robot).sample(0, self.steps + 1)
+        path = Trajectory(base.trajectory, timing.period, robot).sample(0, self.steps + 1)
         self.path = path
         open_device = device_option(device)
         of_block = partial(DeviceRobots, open_device) if open_device else DrivenRobots
@@ -305,8 +305,8 @@ class Episodes:
                 self._campaigns[seed] = self._of_seed(seed)
             (run,) = self._campaigns[seed].runs(number, 1)
             runs.setdefault(robot // self._lanes, {})[robot % self._lanes] = run.scenario
-            self._plants[robot] = run.scenario['plant']
-            row = {'run': number, 'seed': run.scenario['plant']['seed'], **run.values}
+            self._plants[robot] = run.scenario.plant
+            row = {'run': number, 'seed': SEED.of(run.scenario.plant), **run.values}
             self._drawn[robot] = row
             infos[robot] = {'drawn': row}
         for block, chosen in runs.items():
@@ -317,10 +317,10 @@ class Episodes:
         return infos
 
     def _of_seed(self, seed: int) -> Campaign:
-        scenario = dict(self._campaign.scenario)
-        plant = scenario['plant']
+        plant = self._campaign.scenario.plant
         # Episodes of different seeds have different noise, also without drawn parameters.
-        scenario['plant'] = {**plant, 'seed': (plant['seed'] + seed) % _SEEDS}
+        plant = {**plant, 'seed': (SEED.of(plant) + seed) % _SEEDS}
+        scenario = self._campaign.scenario.with_nodes({'plant': plant})
         return replace(self._campaign, seed=seed, scenario=scenario)
 
     def _row(self, robot: int, *, is_lost: bool) -> dict[str, object]:
@@ -397,11 +397,11 @@ def _check_variable(variable: Variable) -> None:
 
 def _checked_timing(plant: Values) -> Timing:
     """Return the control grid; raise InputError for a plant that torques cannot drive."""
-    if plant['physics'] != RIGID:
-        raise InputError(f'plant.physics = {plant["physics"]}: expected {RIGID} for episodes')
+    if PHYSICS.of(plant) != RIGID:
+        raise InputError(f'plant.physics = {PHYSICS.of(plant)}: expected {RIGID} for episodes')
     if by_velocity(plant, robot_of(plant).mechanism).any():
         raise InputError(
-            f'plant.command_interface = {plant["command_interface"]}: expected effort, because '
+            f'plant.command_interface = {COMMAND_INTERFACE.of(plant)}: expected effort, because '
             'actions are torques'
         )
     timing = Timing.from_values(plant)
@@ -430,7 +430,7 @@ def _entries(mechanism: Mechanism) -> tuple[Entry, ...]:
 
 
 def _action_limit(
-    limit: float | Sequence[float] | None, scenario: Values, mechanism: Mechanism
+    limit: float | Sequence[float] | None, scenario: Scenario, mechanism: Mechanism
 ) -> Array:
     """
     Return the largest torques (joints) in N·m.
@@ -440,8 +440,8 @@ def _action_limit(
     """
     joints = mechanism.sizes['joints']
     if limit is None:
-        known = [np.broadcast_to(scenario[node]['torque_limit'], joints)
-                 for node in ('plant', 'controller')]  # fmt: skip
+        known = [np.broadcast_to(TORQUE_LIMIT.of(values), joints)
+                 for values in (scenario.plant, scenario.controller)]  # fmt: skip
         chosen = np.where(known[0] > 0.0, known[0], known[1])
         return np.where(chosen > 0.0, chosen, DEFAULT_TORQUE)
     try:

@@ -5,19 +5,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import cached_property
 import os
 from pathlib import Path
-import shlex
 
 from masmc_ros.errors import InputError
+from masmc_ros.loop.scenario import Scenario
 from masmc_ros.params.declaration import Values
 from masmc_ros.params.text import yaml_text
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.mechanisms import mechanism_from
-from masmc_ros.robot.robot import Robot, robot_of
 from masmc_ros.scenario.node_parameters import declared, shared
 from masmc_ros.scenario.scenario import load_scenario, source_of
 from masmc_ros.share import scenario_file
@@ -75,39 +71,6 @@ def _full_name(name: str, mechanism: Mechanism) -> str:
     return f'{nodes[0]}.{name}' if nodes else name
 
 
-@dataclass(frozen=True, repr=False)
-class Scenario:
-    """
-    Parameter file with changed values, the input of all functions of the Python interface.
-
-    Attributes
-    ----------
-    file
-        Path of the parameter file.
-    settings
-        NAME=VALUE, as in `--set`.
-
-    """
-
-    file: str
-    settings: tuple[str, ...] = ()
-
-    @cached_property
-    def values(self) -> Mapping[str, Values]:
-        """Return the checked values by node and name; InputError for an invalid one."""
-        return load_scenario(self.file, self.settings)
-
-    @property
-    def robot(self) -> Robot:
-        """Return the robot of the plant, with its true masses."""
-        return robot_of(self.values['plant'])
-
-    def __repr__(self) -> str:
-        """Return the arguments of `masmc simulate` for the scenario."""
-        settings = (f'--set {shlex.quote(text)}' for text in self.settings)
-        return ' '.join([shlex.quote(self.file), *settings])
-
-
 def load(
     scenario: str | Path | Scenario = 'paper', settings: Values | None = None, **values: object
 ) -> Scenario:
@@ -130,10 +93,7 @@ def load(
 
     """
     if isinstance(scenario, Scenario):
-        changed = scenario
+        file, stated = scenario.file, scenario.settings
     else:
-        changed = Scenario(scenario_file(os.fspath(scenario)))
-    new = settings_of(changed.file, settings, values)
-    loaded = Scenario(changed.file, (*changed.settings, *new))
-    _ = loaded.values
-    return loaded
+        file, stated = scenario_file(os.fspath(scenario)), ()
+    return load_scenario(file, (*stated, *settings_of(file, settings, values)))

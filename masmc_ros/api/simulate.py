@@ -94,12 +94,12 @@ class SimulatedRun:
     @property
     def label(self) -> str:
         """Return the law with its switching term, as in tables and figures."""
-        return law_label(self.scenario.values['controller'])
+        return law_label(self.scenario.controller)
 
     @property
     def plot(self) -> Plots:
         """Return the figures of the run."""
-        plant = self.scenario.values['plant']
+        plant = self.scenario.plant
         robot = robot_of(plant)
         theta = TrueTheta(robot, plant).at(self.times)
         adapted = relative(self.times, self.estimate, theta, self.mechanism.theta)
@@ -247,8 +247,7 @@ def simulate(
 
     """
     loaded = load(scenario, settings, **values)
-    checked = loaded.values
-    simulation = Simulation(checked, activation(checked))
+    simulation = Simulation(loaded, activation(loaded))
     blocks = list(simulation.run())
     signals = {
         name: np.concatenate([getattr(block, name) for block in blocks])

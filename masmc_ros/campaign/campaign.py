@@ -18,17 +18,20 @@ from masmc_ros.campaign.runs import (
     checked_scenario,
     Description,
     FEWEST_ALIKE,
-    NODES,
     Run,
     scenario_of,
     WORTH_LANES,
 )
-from masmc_ros.campaign.variable import check_distinct, ScenarioValues, Variable
+from masmc_ros.campaign.variable import check_distinct, Variable, with_variables
 from masmc_ros.errors import InputError
 from masmc_ros.law import registry
 from masmc_ros.law.law import Law
+from masmc_ros.law.registry import LAW
 from masmc_ros.loop.batch_simulation import of_all_lanes
-from masmc_ros.loop.plant_parameters import RIGID
+from masmc_ros.loop.controller_parameters import ACTIVE_ON_START, APPROACH_ON_START
+from masmc_ros.loop.plant_parameters import PHYSICS, RIGID
+from masmc_ros.loop.plant_parameters import SEED as PLANT_SEED
+from masmc_ros.loop.scenario import Scenario
 from masmc_ros.params.text import yaml_text
 from masmc_ros.scenario.scenario import check_start
 import numpy as np
@@ -56,7 +59,7 @@ class Campaign(Description):
     settings
         Settings of `--set`, for the same commands.
     scenario
-        Checked values of NODES, with the settings. A URDF is its text, not its path.
+        Scenario with the settings. A URDF is its text, not its path.
     axes
         Axes of variation.
     draws
@@ -72,7 +75,7 @@ class Campaign(Description):
 
     file: str
     settings: tuple[str, ...]
-    scenario: ScenarioValues
+    scenario: Scenario
     axes: tuple[Axis, ...] = ()
     draws: tuple[Draw, ...] = ()
     repeats: int = 1
@@ -99,15 +102,9 @@ class Campaign(Description):
         )
 
     @cached_property
-    def _written(self) -> frozenset[str]:
-        """Return the nodes whose values differ between runs; the others are shared."""
-        readers = (node for variable in self.variables for node in variable.readers)
-        return frozenset({'plant', *readers} & {*NODES})
-
-    @cached_property
     def notice(self) -> str:
         """Return a line on variables that prevent parallel runs; '' if there is none."""
-        if self.lanes == 1 or self.scenario['plant']['physics'] != RIGID:
+        if self.lanes == 1 or PHYSICS.of(self.scenario.plant) != RIGID:
             return ''
         equal = of_all_lanes(self.scenario)
         names = [
@@ -129,9 +126,8 @@ class Campaign(Description):
     @cached_property
     def text(self) -> str:
         """Return the description as JSON, from which `from_text` restores it."""
-        return json.dumps(
-            {field.name: getattr(self, field.name) for field in fields(self)}, sort_keys=True
-        )
+        described = {field.name: getattr(self, field.name) for field in fields(self)}
+        return json.dumps({**described, 'scenario': self.scenario.values}, sort_keys=True)
 
     @classmethod
     def from_text(cls, text: str) -> Campaign:
@@ -166,13 +162,10 @@ class Campaign(Description):
             yield self._run(number, repeat, values)
 
     def _run(self, number: int, repeat: int, values: Sequence[object]) -> Run:
-        scenario = dict(self.scenario)
-        for node in self._written:
-            scenario[node] = dict(scenario[node])
-        plant = scenario['plant']
-        plant['seed'] = (plant['seed'] + repeat) % _SEEDS
-        for variable, value in zip(self.variables, values, strict=True):
-            variable.write(scenario, value)
+        plant = self.scenario.plant
+        plant = {**plant, 'seed': (PLANT_SEED.of(plant) + repeat) % _SEEDS}
+        scenario = self.scenario.with_nodes({'plant': plant})
+        scenario = with_variables(scenario, self.variables, values)
         check_start(scenario, f'run {number}')
         names = [variable.name for variable in self.variables]
         return Run(number, dict(zip(names, values, strict=True)), scenario)
@@ -180,14 +173,14 @@ class Campaign(Description):
     def command(self, run: Run) -> str:
         """Return the command `masmc simulate` that repeats a run."""
         settings = [*self.settings, *(v.setting(run.scenario) for v in self.variables)]
-        plant, controller = run.scenario['plant'], run.scenario['controller']
-        if plant['seed'] != self.scenario['plant']['seed']:
-            settings.append(f'{SEED}={plant["seed"]}')
-        if plant['physics'] == RIGID:
+        plant, controller = run.scenario.plant, run.scenario.controller
+        if PLANT_SEED.of(plant) != PLANT_SEED.of(self.scenario.plant):
+            settings.append(f'{SEED}={PLANT_SEED.of(plant)}')
+        if PHYSICS.of(plant) == RIGID:
             # Such runs start active and without an approach.
-            if not controller['active_on_start']:
+            if not ACTIVE_ON_START.of(controller):
                 settings.append('controller.active_on_start=true')
-            if controller['approach_on_start']:
+            if APPROACH_ON_START.of(controller):
                 settings.append('controller.approach_on_start=false')
         # The last setting of a parameter applies.
         distinct = [*dict.fromkeys(reversed(settings))][::-1]
@@ -232,9 +225,9 @@ def campaign_of(
         that can be drawn is out of range.
 
     """
-    values = scenario_of(file, settings)
+    scenario = scenario_of(file, settings)
     campaign = Campaign(
-        file, tuple(settings), values, tuple(axes), tuple(draws), repeats, seed, sobol
+        file, tuple(settings), scenario, tuple(axes), tuple(draws), repeats, seed, sobol
     )
     if campaign.total > MOST_RUNS:
         raise InputError(f'{campaign.total} runs; expected at most {MOST_RUNS}')
@@ -245,14 +238,14 @@ def campaign_of(
     for axis, variable in zip(axes, campaign.variables, strict=False):
         place = f'--vary {axis.name}={",".join(map(yaml_text, axis.values))}'
         for value in axis.values:
-            _check(variable, values, value, place)
+            _check(variable, scenario, value, place)
     for draw, variable in zip(draws, campaign.variables[len(axes):], strict=True):
         check_range(draw, variable.parameter)
         if (variable.parameter.kind == 'integer') != (draw.distribution == 'integers'):
             other = 'another distribution than integers'
             expected = 'integers' if variable.parameter.kind == 'integer' else other
             raise InputError(f'--draw {draw.text}: expected {expected}')
-        _check(variable, values, float(draw.frozen.median()), f'--draw {draw.text}')
+        _check(variable, scenario, float(draw.frozen.median()), f'--draw {draw.text}')
     for law in _laws(campaign):
         if not isinstance(registry.load_for(law, campaign.mechanism), Law):
             raise InputError(
@@ -261,17 +254,16 @@ def campaign_of(
     return campaign
 
 
-def _check(variable: Variable, scenario: ScenarioValues, value: object, place: str) -> None:
+def _check(variable: Variable, scenario: Scenario, value: object, place: str) -> None:
     try:
-        written = {node: dict(values) for node, values in scenario.items()}
-        variable.write(written, value)
+        changed = with_variables(scenario, [variable], [value])
     except InputError as error:
         raise InputError(f'{place}: {error}') from None
-    check_start(written, place)
+    check_start(changed, place)
 
 
 def _laws(campaign: Campaign) -> list[str]:
     """Return the names of all laws of a campaign."""
     varied = [axis.values for axis in campaign.axes if axis.name == 'controller.law']
-    return list(*varied) or [campaign.scenario['controller']['law']]
+    return list(*varied) or [LAW.of(campaign.scenario.controller)]
 

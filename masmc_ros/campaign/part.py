@@ -10,7 +10,7 @@ the run alone, so the rows do not depend on the size of parts or on the order.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import Any, Protocol
 
@@ -18,8 +18,10 @@ from masmc_ros.campaign.runs import Description, FEWEST_ALIKE, Run
 from masmc_ros.errors import InputError
 from masmc_ros.law import registry
 from masmc_ros.law.law import Law
+from masmc_ros.law.registry import LAW
 from masmc_ros.loop.batch_simulation import keys_of
-from masmc_ros.loop.plant_parameters import RIGID
+from masmc_ros.loop.plant_parameters import PHYSICS, RIGID, SEED
+from masmc_ros.loop.scenario import Scenario
 from masmc_ros.params.declaration import Values
 from masmc_ros.report.measure.metrics import Metrics, Reached
 from masmc_ros.report.measure.reduced import reduced_metrics, simulated_metrics
@@ -53,11 +55,11 @@ class Device(Protocol):
     most_runs: int
 
     def metrics(
-        self, runs: Sequence[Mapping[str, Values]], is_stopped: Callable[[], bool]
+        self, runs: Sequence[Scenario], is_stopped: Callable[[], bool]
     ) -> list[Metrics | float] | None:
         """Return the results of `evaluated` for runs of one batch; None if stopped."""
 
-    def check(self, run: Mapping[str, Values]) -> None:
+    def check(self, run: Scenario) -> None:
         """Raise InputError for a run with invalid values."""
 
     def check_plant(self, plant: Values) -> None:
@@ -121,7 +123,7 @@ def rows(
     results = evaluated(runs, campaign.lanes, is_stopped, device)
     return {
         'run': np.array([run.number for run in runs]),
-        'seed': np.array([run.scenario['plant']['seed'] for run in runs]),
+        'seed': np.array([SEED.of(run.scenario.plant) for run in runs]),
         **{v.name: v.column([run.values[v.name] for run in runs]) for v in campaign.variables},
         **{
             column.name: np.array([_number(column, result) for result in results], np.float64)
@@ -199,8 +201,8 @@ def _computed(batch: Sequence[Run], lanes: int) -> list[Metrics | float]:
     """Return the metrics of the runs of a batch; the last run fills the remaining lanes."""
     scenarios = [run.scenario for run in batch]
     # Neither wheels in contact nor laws in plain Python have lanes.
-    is_compiled = isinstance(registry.load(scenarios[0]['controller']['law']), Law)
-    if not is_compiled or scenarios[0]['plant']['physics'] != RIGID:
+    is_compiled = isinstance(registry.load(LAW.of(scenarios[0].controller)), Law)
+    if not is_compiled or PHYSICS.of(scenarios[0].plant) != RIGID:
         return [simulated_metrics(scenario) for scenario in scenarios]
     try:
         return reduced_metrics([*scenarios, *scenarios[-1:] * (lanes - len(batch))])
@@ -217,7 +219,7 @@ def _computed_on(
     device: Device, batch: Sequence[Run], is_stopped: Callable[[], bool]
 ) -> list[Metrics | float]:
     """Return the metrics of the runs of a batch on a device."""
-    device.check_plant(batch[0].scenario['plant'])
+    device.check_plant(batch[0].scenario.plant)
     try:
         results = device.metrics([run.scenario for run in batch], is_stopped)
     except InputError:

@@ -6,17 +6,18 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 import hashlib
 from typing import Self
 
 from masmc_ros import __version__
-from masmc_ros.campaign.variable import ScenarioValues, Variable
+from masmc_ros.campaign.variable import Variable
 from masmc_ros.jit.record import AT_RUN_TIME
 from masmc_ros.log.write.provenance import git_state
-from masmc_ros.params.declaration import check_all, MutableValues
+from masmc_ros.loop.scenario import Scenario
+from masmc_ros.params.declaration import check_all, MutableValues, Values
 from masmc_ros.robot.declaration import Mechanism, URDF
 from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.scenario.node_parameters import declared
@@ -47,13 +48,13 @@ class Run:
     values
         Values of the variables by name: those of the axes, then drawn ones.
     scenario
-        Checked values by node and name.
+        Scenario of the run.
 
     """
 
     number: int
     values: MutableValues
-    scenario: ScenarioValues
+    scenario: Scenario
 
 
 class Description(ABC):
@@ -63,11 +64,11 @@ class Description(ABC):
     Attributes
     ----------
     scenario
-        Checked values of NODES that all runs start from. A URDF is its text, not its path.
+        Scenario of NODES that all runs start from. A URDF is its text, not its path.
 
     """
 
-    scenario: ScenarioValues
+    scenario: Scenario
 
     @property
     @abstractmethod
@@ -82,7 +83,7 @@ class Description(ABC):
     @cached_property
     def mechanism(self) -> Mechanism:
         """Return the type of the robot."""
-        return mechanism_from(self.scenario['plant'])
+        return self.scenario.mechanism
 
     @cached_property
     def most_lanes(self) -> int:
@@ -124,18 +125,21 @@ class Description(ABC):
             yield first, min(size, self.total - first)
 
 
-def scenario_of(file: str, settings: Sequence[str]) -> ScenarioValues:
-    """Return the checked values of NODES of a parameter file, with the text of its URDF."""
+def scenario_of(file: str, settings: Sequence[str]) -> Scenario:
+    """Return the scenario of NODES of a parameter file, with the text of its URDF."""
     scenario = load_scenario(file, settings)
-    urdf = scenario['plant'].get(URDF)
-    if not urdf:
-        return {node: scenario[node] for node in NODES}
-    from masmc_ros.robot.tree.tree_mechanism import described
+    urdf = scenario.plant.get(URDF)
+    nodes = {node: scenario[node] for node in NODES}
+    if urdf:
+        from masmc_ros.robot.tree.tree_mechanism import described
 
-    return {node: {**scenario[node], URDF: described(urdf)[0]} for node in NODES}
+        text = described(urdf)[0]
+        nodes = {node: {**values, URDF: text} for node, values in nodes.items()}
+    return Scenario.of(nodes, file, scenario.settings)
 
 
-def checked_scenario(values: ScenarioValues) -> ScenarioValues:
-    """Return the checked values of a scenario that was read from JSON."""
+def checked_scenario(values: Mapping[str, Values]) -> Scenario:
+    """Return the scenario of NODES whose values by node were read from JSON."""
     mechanism = mechanism_from(values['plant'])
-    return {node: check_all(declared(node, mechanism), values[node]) for node in NODES}
+    nodes = {node: check_all(declared(node, mechanism), values[node]) for node in NODES}
+    return Scenario.of(nodes)

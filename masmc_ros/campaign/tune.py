@@ -23,7 +23,7 @@ from masmc_ros.aliases import Array
 from masmc_ros.campaign.campaign import Campaign
 from masmc_ros.campaign.part import Device, evaluated
 from masmc_ros.campaign.runs import LANES, Run
-from masmc_ros.campaign.variable import check_distinct, Variable
+from masmc_ros.campaign.variable import check_distinct, Variable, with_variables
 from masmc_ros.errors import InputError
 from masmc_ros.params.scalar import typed
 from masmc_ros.report.measure.metrics import Metrics
@@ -111,7 +111,7 @@ def variables_of(campaign: Campaign, ranges: Sequence[Range]) -> list[Variable]:
             raise InputError(f'{place}: expected a parameter whose values are numbers')
         for value in (entry.low, entry.high):
             try:
-                variable.write({n: dict(v) for n, v in campaign.scenario.items()}, value)
+                with_variables(campaign.scenario, [variable], [value])
             except InputError as error:
                 raise InputError(f'{place}: {error}') from None
         variables.append(variable)
@@ -133,10 +133,7 @@ def with_values(run: Run, variables: Sequence[Variable], values: Sequence[float]
         Their values, in the same order.
 
     """
-    scenario = {node: dict(of_node) for node, of_node in run.scenario.items()}
-    for variable, value in zip(variables, values, strict=True):
-        variable.write(scenario, value)
-    return replace(run, scenario=scenario)
+    return replace(run, scenario=with_variables(run.scenario, variables, values))
 
 
 class Evaluation:

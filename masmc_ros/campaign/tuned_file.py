@@ -8,8 +8,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from masmc_ros.campaign.variable import ScenarioValues, Variable
+from masmc_ros.campaign.variable import Variable, with_variables
 from masmc_ros.errors import InputError
+from masmc_ros.loop.scenario import Scenario
 from masmc_ros.params.blocks import read_blocks
 from masmc_ros.params.declaration import Values
 from masmc_ros.params.file import anywhere
@@ -29,15 +30,15 @@ class BaseFile(NamedTuple):
     text
         Content of the file.
     original
-        Checked values of the file by node.
+        Scenario of the file.
     scenario
         The same with the settings.
 
     """
 
     text: str
-    original: ScenarioValues
-    scenario: ScenarioValues
+    original: Scenario
+    scenario: Scenario
 
     @classmethod
     def read(cls, file: str, settings: Sequence[str]) -> BaseFile:
@@ -46,9 +47,10 @@ class BaseFile(NamedTuple):
 
         Raises InputError if it cannot be loaded, or if no blocks can stand below its text.
         """
-        original, scenario = load_scenario(file), load_scenario(file, settings)
+        original, source = load_scenario(file), source_of(file, settings)
+        scenario = source.scenario()
         try:
-            text = source_of(file, settings).text.decode('utf-8').rstrip('\n')
+            text = source.text.decode('utf-8').rstrip('\n')
             read_blocks(f'{text}\n{_BLOCK}'.encode(), file)
         except (UnicodeDecodeError, InputError):
             raise InputError(
@@ -71,17 +73,15 @@ class BaseFile(NamedTuple):
             Tuned values by the names of the variables.
 
         """
-        scenario = {node: dict(known) for node, known in self.scenario.items()}
-        for variable in variables:
-            variable.write(scenario, values[variable.name])
+        tuned = with_variables(self.scenario, variables, [values[v.name] for v in variables])
         lines = [self.text, '', '# Tuned by masmc tune.']
         for node in NODES:
             original = self.original[node]
             # Settings can select a robot with other parameters.
             changed = {
-                n: v for n, v in scenario[node].items() if n not in original or v != original[n]
+                n: v for n, v in tuned[node].items() if n not in original or v != original[n]
             }
-            changed |= anywhere(scenario[node])
+            changed |= anywhere(tuned[node])
             if changed:
                 block = {f'/**/{node}': {'ros__parameters': _nested(changed)}}
                 text = yaml.safe_dump(block, default_flow_style=None, width=99)

@@ -12,6 +12,7 @@ import re
 
 from masmc_ros.aliases import AnyArray
 from masmc_ros.errors import InputError
+from masmc_ros.loop.scenario import Scenario
 from masmc_ros.params.declaration import MutableValues, Parameter, Value, Values
 from masmc_ros.params.text import yaml_text
 from masmc_ros.robot.declaration import Mechanism
@@ -22,9 +23,6 @@ _ENTRY = re.compile(r'(.+)\[([0-9]+)\]')
 
 _TYPES: dict[str, type[np.generic]] = {'bool': np.bool_, 'integer': np.int64, 'string': np.str_}
 """Types of columns by kind; the others are doubles."""
-
-ScenarioValues = dict[str, MutableValues]
-"""Checked values by node and name."""
 
 
 @dataclass(frozen=True)
@@ -98,12 +96,6 @@ class Variable:
             for node, parameter in self.readers.items()
         )
 
-    def write(self, scenario: ScenarioValues, value: object) -> None:
-        """Write a value into a scenario, for all nodes; InputError if a node would reject it."""
-        for node, parameter in self.readers.items():
-            if node in scenario:
-                scenario[node][parameter.name] = self.checked(scenario[node], parameter, value)
-
     def checked(self, values: Values, parameter: Parameter, value: object) -> Value:
         """
         Return the checked value of the parameter for a node.
@@ -130,11 +122,25 @@ class Variable:
         """Return values of several runs as an array (runs) of the type of the parameter."""
         return np.array(values, _TYPES.get(self.parameter.kind, np.float64))
 
-    def setting(self, scenario: ScenarioValues) -> str:
+    def setting(self, scenario: Scenario) -> str:
         """Return the option `--set` that gives the parameter its value in a scenario."""
         node, parameter = next(iter(self.readers.items()))
         whole = self.name.partition('[')[0]
         return f'{whole}={yaml_text(scenario[node][parameter.name])}'
+
+
+def with_variables(
+    scenario: Scenario, variables: Sequence[Variable], values: Sequence[object]
+) -> Scenario:
+    """Return a scenario with values of variables; InputError if a node would reject one."""
+    known = scenario.values
+    nodes: dict[str, MutableValues] = {}
+    for variable, value in zip(variables, values, strict=True):
+        for node, parameter in variable.readers.items():
+            if node in known:
+                own = nodes.setdefault(node, dict(known[node]))
+                own[parameter.name] = variable.checked(own, parameter, value)
+    return scenario.with_nodes(nodes)
 
 
 def check_distinct(variables: Sequence[Variable]) -> None:

@@ -39,6 +39,7 @@ from masmc_ros.output_files import write_file
 from masmc_ros.report.aligned import WIDTH
 from masmc_ros.report.draw.campaign_figures import draws_figure, map_figure, MapAxis
 from masmc_ros.report.draw.style import figure_file, paper_style
+from masmc_ros.scenario.scenario import source_of
 from masmc_ros.share import scenario_file
 from tqdm import tqdm
 
@@ -77,7 +78,7 @@ def add_draws(parser: argparse.ArgumentParser, *, is_required: bool) -> None:
 def run_campaign(options: argparse.Namespace, axes: Sequence[Axis] = ()) -> int:
     """Compute a campaign, write its dataset, summary and figures, and print the summary."""
     file = scenario_file(options.file)
-    print_choices(file, options.set)
+    print_choices(source_of(file, options.set))
     campaign = campaign_of(
         file,
         options.set,

@@ -12,7 +12,7 @@ from typing import Any, TYPE_CHECKING
 
 from masmc_ros.params.text import yaml_text
 from masmc_ros.report.aligned import WIDTH
-from masmc_ros.scenario.scenario import source_of
+from masmc_ros.scenario.scenario import Source
 
 if TYPE_CHECKING:
     from masmc_ros.robot.tree.urdf_defaults import Defaults
@@ -39,9 +39,9 @@ def choice_lines(choices: Sequence[Mapping[str, Any]]) -> list[str]:
     )] if lines else []  # fmt: skip
 
 
-def print_choices(file: str, settings: Sequence[str] = ()) -> None:
+def print_choices(source: Source) -> None:
     """Print the choices for a URDF on standard error; nothing for a parameter file."""
-    defaults = source_of(file, settings).defaults
+    defaults = source.defaults
     if defaults is None:
         return
     for line in choice_lines(choices_of(defaults)):

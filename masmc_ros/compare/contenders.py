@@ -11,7 +11,8 @@ from typing import NamedTuple
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.law import registry
 from masmc_ros.law.law import Law
-from masmc_ros.law.reaching.implicit import IMPLICIT
+from masmc_ros.law.reaching.implicit import IMPLICIT, OBSERVER_GAIN
+from masmc_ros.law.registry import SWITCHING_TERM
 from masmc_ros.params.declaration import Values
 from masmc_ros.report.measure.labels import OBSERVER
 from masmc_ros.robot.declaration import Mechanism
@@ -80,9 +81,9 @@ def contenders(names: str, mechanism: Mechanism, own: str) -> tuple[Contender, .
 
 def marked(chosen: Iterable[Contender], controller: Values) -> tuple[Contender, ...]:
     """Return contenders whose names show the estimate that a controller's values switch on."""
-    has_gain = controller['observer_gain'] > 0.0
+    has_gain, own = OBSERVER_GAIN.of(controller) > 0.0, SWITCHING_TERM.of(controller)
     return tuple(
-        contender._replace(observes=has_gain and _is_implicit(contender, controller['switching']))
+        contender._replace(observes=has_gain and _is_implicit(contender, own))
         for contender in chosen
     )
 

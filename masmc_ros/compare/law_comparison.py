@@ -20,14 +20,15 @@ from masmc_ros.campaign.runs import (
     scenario_of,
     WORTH_LANES,
 )
-from masmc_ros.campaign.variable import ScenarioValues, Variable
+from masmc_ros.campaign.variable import Variable, with_variables
 from masmc_ros.compare import foreign
 from masmc_ros.compare.contenders import Contender, contenders, marked
 from masmc_ros.compare.trials import drawn_robot, sets_observer, Trial, trials_named
 from masmc_ros.errors import InputError
 from masmc_ros.law.command_interface import is_hybrid, takes_rates
+from masmc_ros.law.registry import SWITCHING_TERM
+from masmc_ros.loop.scenario import Scenario
 from masmc_ros.params.file import parse_value
-from masmc_ros.robot.mechanisms import mechanism_from
 import numpy as np
 
 
@@ -39,7 +40,7 @@ class Comparison(Description):
     Attributes
     ----------
     scenario
-        Checked values of every node, with the settings of the user.
+        Scenario with the settings of the user.
     contenders, trials
         Laws and conditions; their settings replace values of the scenario.
     seeds
@@ -47,7 +48,7 @@ class Comparison(Description):
 
     """
 
-    scenario: ScenarioValues
+    scenario: Scenario
     contenders: tuple[Contender, ...]
     trials: tuple[Trial, ...]
     seeds: int
@@ -79,7 +80,7 @@ class Comparison(Description):
     @cached_property
     def text(self) -> str:
         """Return the description as JSON, from which `from_text` makes it again."""
-        return json.dumps(asdict(self))
+        return json.dumps({**asdict(self), 'scenario': self.scenario.values})
 
     @classmethod
     def from_text(cls, text: str) -> Comparison:
@@ -105,19 +106,19 @@ class Comparison(Description):
             point, seed = divmod(number, self.seeds)
             yield Run(number, {}, drawn_robot(self._scenario(point), self.mechanism, seed))
 
-    def _scenario(self, point: int) -> ScenarioValues:
+    def _scenario(self, point: int) -> Scenario:
         """Return the scenario of a contender in a trial; the trials are faster."""
         contender, trial = divmod(point, len(self.trials))
         settings = (
             *self.contenders[contender].settings,
-            *self.trials[trial].settings_for(self.mechanism, self.scenario['controller']),
+            *self.trials[trial].settings_for(self.mechanism, self.scenario.controller),
         )
-        scenario = {node: dict(values) for node, values in self.scenario.items()}
-        for setting in settings:
-            name, _, text = setting.partition('=')
-            variable = Variable.named(name, self.mechanism, setting)
-            variable.write(scenario, parse_value(text, setting))
-        return scenario
+        named = [
+            Variable.named(setting.partition('=')[0], self.mechanism, setting)
+            for setting in settings
+        ]
+        values = [parse_value(setting.partition('=')[2], setting) for setting in settings]
+        return with_variables(self.scenario, named, values)
 
 
 def comparison_of(
@@ -150,15 +151,15 @@ def comparison_of(
 
     """
     scenario = scenario_of(file, settings)
-    controller = scenario['controller']
+    controller = scenario.controller
     if takes_rates(controller):
         raise InputError(
             f'{file}: command_interface = velocity: only one law commands velocities; expected'
             ' effort'
         )
-    mechanism = mechanism_from(scenario['plant'])
+    mechanism = scenario.mechanism
     named = trials_named(trials, mechanism)
-    chosen = contenders(laws, mechanism, controller['switching'])
+    chosen = contenders(laws, mechanism, SWITCHING_TERM.of(controller))
     for name, entered in (controllers or {}).items():
         foreign.enter(name, entered)
         chosen = (*chosen, Contender(name))

@@ -13,7 +13,9 @@ from masmc_ros.compare import hardware
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.law.command_interface import COMMAND_INTERFACE, COMMAND_INTERFACES, HYBRID
 from masmc_ros.law.reaching.implicit import OBSERVER_GAIN
-from masmc_ros.params.declaration import MutableValues, Values
+from masmc_ros.loop.plant_parameters import AMPLITUDE
+from masmc_ros.loop.scenario import Scenario
+from masmc_ros.params.declaration import Values
 from masmc_ros.robot.declaration import Mechanism
 import numpy as np
 
@@ -195,9 +197,7 @@ _INERTIAL = ('kg', 'kg·m²')
 """Units of the robot's parameters that are drawn randomly."""
 
 
-def drawn_robot(
-    scenario: dict[str, MutableValues], mechanism: Mechanism, seed: int
-) -> dict[str, MutableValues]:
+def drawn_robot(scenario: Scenario, mechanism: Mechanism, seed: int) -> Scenario:
     """
     Return a scenario with a true robot, disturbance and noise that are drawn by a seed.
 
@@ -208,13 +208,13 @@ def drawn_robot(
     if seed == 0:
         return scenario
     rng = np.random.default_rng(seed)
-    plant = dict(scenario['plant'])
+    plant = dict(scenario.plant)
     for parameter in mechanism.parameters:
         if parameter.unit in _INERTIAL:
             plant[parameter.name] *= rng.uniform(0.6, 1.4)
     count = len(mechanism.joints)
-    amplitude = np.array(plant['disturbance.amplitude']) * rng.uniform(0.5, 1.5, count)
+    amplitude = np.array(AMPLITUDE.of(plant)) * rng.uniform(0.5, 1.5, count)
     plant['disturbance.amplitude'] = tuple(amplitude.tolist())
     plant['disturbance.phase'] = tuple(rng.uniform(0.0, 2.0 * math.pi, count).tolist())
     plant['seed'] = seed
-    return {**scenario, 'plant': plant}
+    return scenario.with_nodes({'plant': plant})

@@ -40,11 +40,12 @@ from masmc_ros.loop.controller_events import (
     RESUMED,
     UNFOLDED,
 )
+from masmc_ros.loop.controller_parameters import ACTIVE_ON_START, RUNAWAY_DETECTION
 from masmc_ros.loop.drive import Drive, Source
 from masmc_ros.loop.runaway import RunawayWatch
 from masmc_ros.loop.safe_stop import BALANCE_TIME
 from masmc_ros.loop.simulated_robot import diverged
-from masmc_ros.loop.timing import Timing
+from masmc_ros.loop.timing import PACING, Timing
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.messages.stamp_order import Order
 from masmc_ros.params.declaration import Values
@@ -101,7 +102,7 @@ class ControllerCore:
 
         """
         self.controller = controller
-        self.supervisor = Supervisor(active=values['active_on_start'])
+        self.supervisor = Supervisor(active=ACTIVE_ON_START.of(values))
         self._outbox = outbox = Outbox(timing, values)
         self.states = StateGate(len(controller.mechanism.positions))
         self.reference = ReferenceGate(
@@ -109,7 +110,7 @@ class ControllerCore:
         )
         self.missing_source: Callable[[], str] = lambda: 'joint_states'
         self._layer = layer
-        pacing = PACINGS[values['pacing']]
+        pacing = PACINGS[PACING.of(values)]
         self.drive = Drive(
             controller,
             approach,
@@ -494,7 +495,7 @@ class ControllerCore:
                 return error
             self._fail(Cause.LAW, ' '.join(str(error).split()), is_latched=True)
             return None
-        if pacing.is_timed and self._values['runaway_detection']:
+        if pacing.is_timed and self._values[RUNAWAY_DETECTION.name]:
             alarm = self._watch.look(controller.rates(velocity), now)
             if alarm is not None:
                 cause = Cause.STATES if alarm.is_passing else Cause.RUNAWAY

@@ -8,6 +8,9 @@ from __future__ import annotations
 import math
 
 from masmc_ros.aliases import Array
+from masmc_ros.law.parts.model import MODEL_SCALE
+from masmc_ros.law.reaching.reaching import BOUNDARY_LAYER, K_S1, K_S2
+from masmc_ros.law.registry import SWITCHING_TERM
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.layer_bound import least_task_inertia, longest_hold, thinnest_layer
 from masmc_ros.throttle import Throttle
@@ -63,12 +66,12 @@ class LayerWatch:
 
     def _warning(self, hold: float, position: Array) -> str | None:
         controller, values = self._controller, self._controller.values
-        if not controller.uses_switching or values['switching'] not in _LAYERED:
+        if not controller.uses_switching or SWITCHING_TERM.of(values) not in _LAYERED:
             return None
-        unscaled = (1.0 - values['model_scale']) * controller.robot.theta
+        unscaled = (1.0 - MODEL_SCALE.of(values)) * controller.robot.theta
         theta = controller.nominal + unscaled
         inertia = self._least_inertia(theta, position)
-        k_s1, k_s2, layer = max(values['k_s1']), max(values['k_s2']), values['boundary_layer']
+        k_s1, k_s2, layer = max(K_S1.of(values)), max(K_S2.of(values)), BOUNDARY_LAYER.of(values)
         longest = longest_hold(inertia, k_s1, k_s2, layer)
         if hold <= longest:
             return None
@@ -80,7 +83,7 @@ class LayerWatch:
                 'this T), or '
             )
         return (
-            f'a torque was held for {1e3 * hold:.3g} ms; {values["switching"]} with '
+            f'a torque was held for {1e3 * hold:.3g} ms; {SWITCHING_TERM.of(values)} with '
             f'boundary_layer {layer:g} is stable up to {1e3 * longest:.2g} ms: use a faster '
             f'machine, {thicker}switching implicit'
         )

@@ -24,6 +24,7 @@ from masmc_ros.control.actions import (
 from masmc_ros.control.lifecycle import state_of
 from masmc_ros.control.pacing import Pacing
 from masmc_ros.control.supervisor import Supervisor
+from masmc_ros.loop.controller_parameters import TELEMETRY_DECIMATION
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.stamp_order import Order
 from masmc_ros.params.declaration import MutableValues, Values
@@ -56,7 +57,7 @@ class Outbox:
         self.throttle = Throttle(_QUIET)
         self.was_active = False
         self._telemetry = Telemetry()
-        self._decimation: int = values['telemetry_decimation']
+        self._decimation = TELEMETRY_DECIMATION.of(values)
         self._period_ns = 1e9 * timing.period
         self._last_tick = math.inf if timing.last is None else timing.last
         self._last_stamp = -1 if timing.last is None else timing.stamp(timing.last)

@@ -9,6 +9,7 @@ import math
 from typing import Protocol
 
 from masmc_ros.errors import UserError
+from masmc_ros.loop.controller_parameters import REFERENCE_TIMEOUT
 from masmc_ros.messages.stamp_order import Order, state_timeout
 from masmc_ros.params.declaration import Values
 
@@ -99,7 +100,7 @@ class RealTime:
 
     def reference_timeout(self, values: Values) -> float:
         """Return `reference_timeout`; infinity if that is 0."""
-        return values['reference_timeout'] or math.inf
+        return REFERENCE_TIMEOUT.of(values) or math.inf
 
     def is_near(self, order: Order) -> bool:
         """Return False for a single stamp far ahead, which may be wrong."""

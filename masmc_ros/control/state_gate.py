@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import math
 
 from masmc_ros.aliases import Array
-from masmc_ros.law.parts.delay_fields import LONGEST
+from masmc_ros.law.parts.delay_fields import LATENCY, LONGEST
 from masmc_ros.loop.controller import Controller
 from masmc_ros.messages.stamp_order import Order, StampOrder
 import numpy as np
@@ -119,7 +119,7 @@ def outdated_latency(controller: Controller, age: float) -> str:
         another clock.
 
     """
-    latency, total = controller.values['latency'], age + controller.stamp_age
+    latency, total = LATENCY.of(controller.values), age + controller.stamp_age
     if controller.commands_rates or not latency + controller.period < total < LONGEST:
         return ''
     return (

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,6 +19,9 @@ from masmc_ros.identification.excitation import (
 )
 from masmc_ros.identification.nominal import nominal_of, of_its_kind
 from masmc_ros.identification.parameter_file import write_parameters
+from masmc_ros.law.parts.command_limits import TORQUE_LIMIT as CONTROLLER_TORQUE_LIMIT
+from masmc_ros.loop.plant_parameters import INITIAL_JOINTS, INITIAL_POSE, TORQUE_LIMIT
+from masmc_ros.loop.scenario import Scenario
 from masmc_ros.messages.topics import PARAMETER_NODES
 from masmc_ros.params.declaration import MutableValues, Values
 from masmc_ros.params.file import EVERY
@@ -51,7 +54,7 @@ class Excitation(NamedTuple):
 
 def write_exciting(
     path: Path,
-    scenario: Mapping[str, Values],
+    scenario: Scenario,
     source: str,
     *,
     duration: float,
@@ -85,12 +88,12 @@ def write_exciting(
     """
     if duration < PERIOD:
         raise InputError(f'--duration {duration:g}: expected at least {PERIOD:g} s, one period')
-    plant, control = scenario['plant'], scenario['controller']
+    plant, control = scenario.plant, scenario.controller
     # The limits of torques are those of the robot, so its masses are not scaled.
     nominal = nominal_of({**control, 'model_scale': 1.0})
-    start = np.array(plant['initial_joints'])
-    torque = np.array(control['torque_limit'])
-    motor = np.array(plant['torque_limit'])
+    start = np.array(INITIAL_JOINTS.of(plant))
+    torque = np.array(CONTROLLER_TORQUE_LIMIT.of(control))
+    motor = np.array(TORQUE_LIMIT.of(plant))
     torque = np.where((motor > 0.0) & ((torque == 0.0) | (motor < torque)), motor, torque)
     limits = limits_of(nominal.robot, start, torque, amplitude)
     series, condition = exciting_series(nominal, start, limits, duration, seed)
@@ -99,7 +102,7 @@ def write_exciting(
     fine = np.linspace(0.0, times[-1], _FINE * (len(times) - 1) + 1)
     angles, rates, _ = series.at(fine)
     robot = robot_of({**plant, **task})
-    first = np.array(robot.start(plant['initial_pose'], plant['initial_joints']))
+    first = np.array(robot.start(INITIAL_POSE.of(plant), INITIAL_JOINTS.of(plant)))
     positions = positions_of(robot, first, angles)[::_FINE]
     points = _unwound(robot.task_positions(positions), robot.mechanism.axes)
     nodes = {node: _kept(node, scenario[node], task) for node in PARAMETER_NODES}

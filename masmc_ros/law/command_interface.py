@@ -34,15 +34,23 @@ ENABLE_STAMPED_CMD_VEL = Parameter(
 )
 """Parameter of both; Nav2 nodes use the same name for their topic."""
 
+MEASURES_VELOCITY = Parameter(
+    'measures_velocity',
+    True,
+    'Velocities are measured; false: encoders only, for a controller with '
+    'velocity_source estimated',
+)
+"""Parameter of the plant."""
+
 
 def takes_rates(values: Values) -> bool:
     """Return True if values of the plant or of the controller select commanded velocities."""
-    return bool(values[COMMAND_INTERFACE.name] == COMMAND_INTERFACES[VELOCITY])
+    return COMMAND_INTERFACE.of(values) == COMMAND_INTERFACES[VELOCITY]
 
 
 def is_hybrid(values: Values) -> bool:
     """Return True if values select velocities of the base and torques of the arm."""
-    return bool(values[COMMAND_INTERFACE.name] == COMMAND_INTERFACES[HYBRID])
+    return COMMAND_INTERFACE.of(values) == COMMAND_INTERFACES[HYBRID]
 
 
 def by_velocity(values: Values, mechanism: Mechanism) -> NDArray[np.bool_]:
@@ -71,7 +79,7 @@ def check_agreement(plant: Values, controller: Values) -> None:
                 f'controller.{name} = {yaml_text(controller[name])}: expected '
                 f'{yaml_text(plant[name])}, which plant.{name} is'
             )
-    if not plant['measures_velocity'] and controller['velocity_source'] == 'measured':
+    if not MEASURES_VELOCITY.of(plant) and controller['velocity_source'] == 'measured':
         raise InputError(
             'controller.velocity_source = measured: expected estimated, because '
             'plant.measures_velocity is false'

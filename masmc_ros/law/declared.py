@@ -8,7 +8,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from masmc_ros.params.declaration import Parameter
+from masmc_ros.aliases import Numbers
+from masmc_ros.params.declaration import Parameter, Values
 from masmc_ros.robot.declaration import Mechanism
 
 _PER_RADIAN = 0.1
@@ -54,7 +55,12 @@ class PerEntry:
             return (1.0,) * mechanism.sizes[self.size]
         return tuple(_PER_RADIAN if axis.unit == 'rad' else 1.0 for axis in mechanism.axes)
 
-    def of(self, mechanism: Mechanism) -> Parameter:
+    def of(self, values: Values) -> Numbers:
+        """Return the value of this parameter among those of a node; KeyError if it is missing."""
+        value: Numbers = values[self.name]
+        return value
+
+    def declared(self, mechanism: Mechanism) -> Parameter:
         """Return the declaration for a mechanism."""
         length = mechanism.sizes[self.size]
         default = (
@@ -86,6 +92,8 @@ def declared_for(
     """Return the declarations for a mechanism in their order, without duplicate names."""
     known: dict[str, Parameter] = {}
     for declaration in declarations:
-        parameter = declaration.of(mechanism) if isinstance(declaration, PerEntry) else declaration
+        parameter = (
+            declaration.declared(mechanism) if isinstance(declaration, PerEntry) else declaration
+        )
         known.setdefault(parameter.name, parameter)
     return tuple(known.values())

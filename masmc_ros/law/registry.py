@@ -9,6 +9,7 @@ A new law or reaching term needs a file next to the others and one line here.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 from masmc_ros.errors import InputError
@@ -98,6 +99,17 @@ REACHING = {term.name: term for term in (SIGN, SATURATION, TANH, SIGMOID, IMPLIC
 
 SWITCHING = tuple(REACHING)
 
+LAW = Parameter('law', 'rasmc', 'Control law', read_only=False)
+"""Parameter without its choices; plug-in laws are known when a node declares it."""
+
+SWITCHING_TERM = Parameter(
+    'switching',
+    'implicit',
+    'Switching term: the sign, a smooth approximation of it, or implicit Euler',
+    choices=SWITCHING,
+    read_only=False,
+)
+
 ENTRY_POINTS = 'masmc_ros.laws'
 """Group of entry points of plug-in laws."""
 
@@ -167,15 +179,9 @@ def shared_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
     return declared_for(
         mechanism,
         (
-            Parameter('law', 'rasmc', 'Control law', choices=names(), read_only=False),
+            replace(LAW, choices=names()),
             *(p for law in (SMC, RASMC) for p in law.parameters),
-            Parameter(
-                'switching',
-                'implicit',
-                'Switching term: the sign, a smooth approximation of it, or implicit Euler',
-                choices=SWITCHING,
-                read_only=False,
-            ),
+            SWITCHING_TERM,
             *(p for term in REACHING.values() for p in term.parameters),
             *model.PARAMETERS,
             *adaptation.PARAMETERS,

@@ -11,7 +11,7 @@ integration steps and path are equal in all lanes, because the loop is compiled 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 
 from masmc_ros.aliases import Array, Function, Records
@@ -22,7 +22,7 @@ from masmc_ros.law.law import Law
 from masmc_ros.law.parts.joint_limits import CHOICE as JOINT_LIMITS
 from masmc_ros.law.rates import RATES
 from masmc_ros.law.reaching.reaching import shortcut_of
-from masmc_ros.law.registry import load_for
+from masmc_ros.law.registry import LAW, load_for, SWITCHING_TERM
 from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import (
     closed_loop,
@@ -33,8 +33,9 @@ from masmc_ros.loop.closed_loop import (
     reduced_loop,
 )
 from masmc_ros.loop.law_dry_run import check
-from masmc_ros.loop.plant_parameters import RIGID
+from masmc_ros.loop.plant_parameters import MEASUREMENT_DELAY, PHYSICS, RIGID
 from masmc_ros.loop.reduction import axes_of_points, reduced_signals
+from masmc_ros.loop.scenario import Scenario
 from masmc_ros.loop.simulated_robot import (
     delay_line,
     has_effects,
@@ -85,14 +86,14 @@ class ValuesOfFirst:
 class BatchRecords:
     """Records of closed loops of one law before their first tick, one run in each lane."""
 
-    def __init__(self, runs: Sequence[Mapping[str, Values]]) -> None:
+    def __init__(self, runs: Sequence[Scenario]) -> None:
         """
         Initialise one run per lane.
 
         Parameters
         ----------
         runs
-            Checked parameter values of every node, by node name, for each run.
+            Scenario of each run.
 
         Raises
         ------
@@ -102,33 +103,33 @@ class BatchRecords:
         """
         _check_alike(runs)
         lanes, first = len(runs), runs[0]
-        control = first['controller']
-        robot = robot_of(first['plant'])
+        control = first.controller
+        robot = first.robot
         mechanism = robot.mechanism
-        law = load_for(control['law'], mechanism)
+        law = load_for(LAW.of(control), mechanism)
         if not isinstance(law, Law):
             raise InputError(
-                f'law = {control["law"]}: it is plain Python, expected a compiled law'
+                f'law = {LAW.of(control)}: it is plain Python, expected a compiled law'
             )
         if takes_rates(control):
             law = RATES
         self.mechanism = mechanism
-        self.timing = Timing.from_values(first['plant'])
+        self.timing = Timing.from_values(first.plant)
         if self.timing.last is None:
             raise InputError('duration = 0.0: expected a length > 0 s')
-        self._trajectory = _shared_trajectory(first['trajectory'], self.timing.period)
+        self._trajectory = _shared_trajectory(first.trajectory, self.timing.period)
         # Robots of other lengths have another reach.
-        self._lengths = {robot_of(first['trajectory']).geometry.tobytes()} | {
-            robot_of(run['trajectory']).geometry.tobytes()
+        self._lengths = {robot_of(first.trajectory).geometry.tobytes()} | {
+            robot_of(run.trajectory).geometry.tobytes()
             for run in runs[1:]
-            if run['trajectory'] != first['trajectory']
+            if run.trajectory != first.trajectory
         }
         compensated = records.is_compensated(control)
         limited = records.is_limited(control, mechanism)
         settings, read = _law_settings(
             mechanism,
             law,
-            control['switching'],
+            SWITCHING_TERM.of(control),
             lanes,
             hybrid=is_hybrid(control),
             compensated=compensated,
@@ -139,14 +140,14 @@ class BatchRecords:
             mechanism, law, lanes, compensated=compensated, limited=limited
         )
         self._plant = records.plant_settings(
-            mechanism, lanes, has_effects=any(has_effects(run['plant']) for run in runs)
+            mechanism, lanes, has_effects=any(has_effects(run.plant) for run in runs)
         )
         self._state = records.plant_memory(mechanism, lanes)
         self._now = records.signals(mechanism, lanes)
-        base, period, write = first['plant'], self.timing.period, ValuesOfFirst().write
-        if base['physics'] != RIGID:
+        base, period, write = first.plant, self.timing.period, ValuesOfFirst().write
+        if PHYSICS.of(base) != RIGID:
             raise InputError(
-                f'plant.physics = {base["physics"]}: expected {RIGID} for runs in one batch; '
+                f'plant.physics = {PHYSICS.of(base)}: expected {RIGID} for runs in one batch; '
                 'masmc simulate computes single runs with other physics'
             )
         write_plant(self._plant, robot, period, base, None, write)
@@ -154,30 +155,30 @@ class BatchRecords:
         check_agreement(base, control)
         self._write_control(first, read, None)
         others = dict(enumerate(runs[1:], start=1))
-        plants = {lane: run['plant'] for lane, run in others.items()}
+        plants = {lane: run.plant for lane, run in others.items()}
         alone = write_plants(self._plant, self._state, plants, base, period, write)
         for lane, run in others.items():
-            is_other = run['controller'] is not control and run['controller'] != control
+            is_other = run.controller is not control and run.controller != control
             if is_other or lane in alone:
-                check_agreement(run['plant'], run['controller'])
-            is_later = run['plant']['measurement_delay'] != base['measurement_delay']
+                check_agreement(run.plant, run.controller)
+            is_later = MEASUREMENT_DELAY.of(run.plant) != MEASUREMENT_DELAY.of(base)
             if is_other or (compensated and is_later):
                 self._write_control(run, read, lane)
         self._law, self._control = law, control
 
     def _write_control(
         self,
-        run: Mapping[str, Values],
+        run: Scenario,
         read: tuple[tuple[Parameter, str], ...],
         lane: int | None,
     ) -> None:
         """Write the controller of a run, `read` are the parameters of its law, into a lane."""
-        plant, control = run['plant'], run['controller']
+        plant, control = run.plant, run.controller
         period, nominal = self.timing.period, robot_of(control)
         records.write_law(self._settings, nominal, period, control, lane)
         records.write_parameters(self._settings, read, control, lane)
         if records.is_compensated(control):
-            fill(self._settings, 'stamp_age', stamp_age(plant['measurement_delay'], period), lane)
+            fill(self._settings, 'stamp_age', stamp_age(MEASUREMENT_DELAY.of(plant), period), lane)
         fill(self._learned, 'estimate', records.nominal_theta(nominal, control), lane)
 
     def _reference(self, first: int, count: int) -> Array:
@@ -202,7 +203,7 @@ class BatchRecords:
 class BatchSimulation(BatchRecords):
     """Closed loops of one law, one in each lane."""
 
-    def __init__(self, runs: Sequence[Mapping[str, Values]]) -> None:
+    def __init__(self, runs: Sequence[Scenario]) -> None:
         """Initialise one run per lane; see `BatchRecords`."""
         super().__init__(runs)
         post_update(self._settings, self._learned)
@@ -211,7 +212,7 @@ class BatchSimulation(BatchRecords):
 
     def _with_shortcut(self, law: Law, control: Values) -> Records | None:
         """Return the settings with the shortcut of the reaching term; None without use for it."""
-        name = shortcut_of(control['switching']) if law.uses_switching else ''
+        name = shortcut_of(SWITCHING_TERM.of(control)) if law.uses_switching else ''
         is_special = is_hybrid(control) or records.is_compensated(control)
         if is_special or records.is_limited(control, self.mechanism):
             name = ''
@@ -368,27 +369,27 @@ def _law_settings(
     return settings, records.read_by(settings, mechanism)
 
 
-def of_all_lanes(run: Mapping[str, Values]) -> MutableValues:
+def of_all_lanes(run: Scenario) -> MutableValues:
     """Return the values of a run that are equal in all lanes, by NODE.parameter or property."""
-    names = {**_OF_ALL, 'trajectory': tuple(path_values(run['trajectory']))}
+    names = {**_OF_ALL, 'trajectory': tuple(path_values(run.trajectory))}
     values = {f'{node}.{name}': run[node][name] for node in names for name in names[node]}
-    return values | {'compensation of latency': records.is_compensated(run['controller'])}
+    return values | {'compensation of latency': records.is_compensated(run.controller)}
 
 
-def keys_of(runs: Sequence[Mapping[str, Values]]) -> list[tuple[object, ...]]:
+def keys_of(runs: Sequence[Scenario]) -> list[tuple[object, ...]]:
     """Return the values of `of_all_lanes` for each run; runs mostly share their nodes."""
     known: dict[tuple[object, ...], tuple[object, ...]] = {}
     keys = []
     for run in runs:
-        plant = run['plant']
-        shared = id(run['controller']), id(run['trajectory']), *map(plant.get, _OF_ALL['plant'])
+        plant = run.plant
+        shared = id(run.controller), id(run.trajectory), *map(plant.get, _OF_ALL['plant'])
         if shared not in known:
             known[shared] = tuple(of_all_lanes(run).values())
         keys.append(known[shared])
     return keys
 
 
-def _check_alike(runs: Sequence[Mapping[str, Values]]) -> None:
+def _check_alike(runs: Sequence[Scenario]) -> None:
     equal = of_all_lanes(runs[0])
     for key in dict.fromkeys(keys_of(runs)):
         for (name, expected), value in zip(equal.items(), key, strict=True):

@@ -21,6 +21,7 @@ from masmc_ros.errors import UserError
 from masmc_ros.law import registry
 from masmc_ros.law.command_interface import takes_rates
 from masmc_ros.law.law import Law
+from masmc_ros.law.registry import LAW, SWITCHING_TERM
 from masmc_ros.loop.law_code import code_for, fitting, load, mark
 from masmc_ros.loop.law_dry_run import check
 from masmc_ros.params.declaration import Values
@@ -97,9 +98,9 @@ def main() -> None:
                 _prepare_all(mechanism)
             else:
                 code = code_for(mechanism, values)
-                law = registry.load_for(values['law'], mechanism)
+                law = registry.load_for(LAW.of(values), mechanism)
                 if isinstance(law, Law) and not takes_rates(values):
-                    check(law, mechanism, values['switching'])
+                    check(law, mechanism, SWITCHING_TERM.of(values))
                 code.load()
     except Exception as error:
         print(reason(error))

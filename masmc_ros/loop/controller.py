@@ -16,11 +16,15 @@ from masmc_ros.law import registry
 from masmc_ros.law.command_interface import by_velocity, is_hybrid, takes_rates
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts import velocity_estimator
+from masmc_ros.law.parts.adaptation import PROJECTION_LOWER
+from masmc_ros.law.parts.command_limits import TORQUE_LIMIT, TORQUE_RATE_LIMIT
 from masmc_ros.law.parts.delay_compensation import note_skipped
 from masmc_ros.law.parts.joint_limits import MEMORY as LIMIT_MEMORY
 from masmc_ros.law.parts.model import PAYLOAD
-from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES
+from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES, VELOCITY_SOURCE
 from masmc_ros.law.plug_in import PlugInLaw
+from masmc_ros.law.reaching.implicit import OBSERVER_GAIN
+from masmc_ros.law.registry import LAW, SWITCHING_TERM
 from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import (
     control_tick,
@@ -128,8 +132,8 @@ class Controller:
         """Return True if torques, their rates or the motion of joints are limited."""
         return (
             self.keeps_joint_limits
-            or any(self.values['torque_limit'])
-            or any(self.values['torque_rate_limit'])
+            or any(TORQUE_LIMIT.of(self.values))
+            or any(TORQUE_RATE_LIMIT.of(self.values))
         )
 
     @property
@@ -165,7 +169,7 @@ class Controller:
         estimates start at zero.
         """
         joints = len(self.torque)
-        if self.values['velocity_source'] != ESTIMATED_RATES:
+        if self.values[VELOCITY_SOURCE.name] != ESTIMATED_RATES:
             return velocity[-joints:]
         is_initialised = self.memory['estimator_initialised'][0, 0]
         return self.memory['rates'][0, :, 0].copy() if is_initialised else np.zeros(joints)
@@ -210,22 +214,21 @@ class Controller:
         if any(changed[name] != before[name] for name in PAYLOAD):
             self._carry(records.nominal_theta(self.robot, changed))
         self._apply(changed)
-        switched = changed['switching'] != before['switching'] or law.uses_switching != (
-            self._law.uses_switching
-        )
+        is_other = SWITCHING_TERM.of(changed) != SWITCHING_TERM.of(before)
+        switched = is_other or law.uses_switching != self._law.uses_switching
         switched |= self.is_compensated != was_compensated
         if (self._plug_in is not None) != was_plain:
             # Plain Python does not continue predictions and the disturbance estimate.
             switched = True
             self._void()
             self.memory['disturbance_torque'] = 0.0
-        if switched or (changed['observer_gain'] == 0.0) != (before['observer_gain'] == 0.0):
+        if switched or (OBSERVER_GAIN.of(changed) == 0.0) != (OBSERVER_GAIN.of(before) == 0.0):
             self.memory['disturbance'] = 0.0
             self.memory['predicted'] = np.nan
         if self.is_compensated and not was_compensated:
             self.memory['drift'] = 0.0
             self.memory['drift_predicted'] = np.nan
-        if changed['velocity_source'] != before['velocity_source']:
+        if changed[VELOCITY_SOURCE.name] != before[VELOCITY_SOURCE.name]:
             self.memory['estimator_initialised'] = 0
 
     def set_lateness(self, lateness: float) -> None:
@@ -307,25 +310,25 @@ class Controller:
 
     def _choose(self, values: Values) -> None:
         """Create the records of a law; fields shared with the previous law keep their values."""
-        law = registry.load_for(values['law'], self.mechanism)
+        law = registry.load_for(LAW.of(values), self.mechanism)
         plug_in = None
         if self.commands_rates:
             law = registry.OF_RATES
         elif not isinstance(law, Law):
             if self.is_hybrid:
                 raise InputError(
-                    f'law = {values["law"]}: it is plain Python, expected a compiled law with '
+                    f'law = {LAW.of(values)}: it is plain Python, expected a compiled law with '
                     'command_interface hybrid'
                 )
             plug_in = law()
             # Limits and estimator of a plain-Python law are those of a built-in law.
             law = registry.LAWS['smc']
-        check(law, self.mechanism, values['switching'])
+        check(law, self.mechanism, SWITCHING_TERM.of(values))
         compensated = records.is_compensated(values)
         settings = records.law_settings(
             self.mechanism,
             law,
-            values['switching'],
+            SWITCHING_TERM.of(values),
             is_hybrid=self.is_hybrid,
             compensated=compensated,
             limited=self.keeps_joint_limits,
@@ -368,7 +371,7 @@ class Controller:
     def _apply(self, values: Values) -> None:
         self.values = dict(values)
         records.write_parameters(self.settings, self._read, values)
-        if self._plug_in is None and values['projection.lower'] > 0.0:
+        if self._plug_in is None and PROJECTION_LOWER.of(values) > 0.0:
             post_update(self.settings, self.memory)
 
     def _tick_plug_in(self, law: PlugInLaw) -> bool:
@@ -376,7 +379,7 @@ class Controller:
         if self.is_compensated:
             signals = self._predicted
             predict_state(self.settings, self.memory, self.signals, signals)
-        elif self.values['velocity_source'] == ESTIMATED_RATES:
+        elif self.values[VELOCITY_SOURCE.name] == ESTIMATED_RATES:
             estimate_velocity(self.settings, self.memory, self.signals)
         gains = {
             name: np.array(value) if isinstance(value, tuple) else value
@@ -392,7 +395,7 @@ class Controller:
             checked = np.asarray(result, dtype=np.float64)
             if checked.shape != array.shape or not np.isfinite(checked).all():
                 raise InputError(
-                    f'law = {self.values["law"]}: its {what} is {checked.tolist()}, expected '
+                    f'law = {LAW.of(self.values)}: its {what} is {checked.tolist()}, expected '
                     f'{array.size} finite numbers'
                 )
             array[:] = checked

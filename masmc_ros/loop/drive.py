@@ -24,7 +24,14 @@ from masmc_ros.loop.controller_events import (
     RESUMED,
     UNFOLDED,
 )
-from masmc_ros.loop.safe_stop import BALANCE, GUIDE, SafeStop, UNFOLD, UNFOLDING_TIME, VOID
+from masmc_ros.loop.controller_parameters import APPROACH_ON_START, FAULT_ACTION, VOID
+from masmc_ros.loop.safe_stop import (
+    BALANCE,
+    GUIDE,
+    SafeStop,
+    UNFOLD,
+    UNFOLDING_TIME,
+)
 from masmc_ros.reference.approach import Approach
 
 
@@ -193,7 +200,7 @@ class Drive:
     def start_tick(self, stamp: int) -> None:
         """Account for a tick of the law at a stamp in ns; the first one may be an approach."""
         if self.computed is None and (
-            self.is_timed or self.controller.values['approach_on_start']
+            self.is_timed or APPROACH_ON_START.of(self.controller.values)
         ):
             self.approach.start()
         self.source, self.computed = Source.LAW, stamp
@@ -270,8 +277,7 @@ class Drive:
         # A controller that has not moved the robot does not hold it either.
         if not self.has_moved:
             return VOID
-        action: str = self.controller.values['fault_action']
-        return action
+        return FAULT_ACTION.of(self.controller.values)
 
     def _start_stop(self, action: str, stamp: int, position: Array, velocity: Array) -> None:
         self.stop.start(action, stamp, position, velocity)

@@ -21,6 +21,7 @@ from masmc_ros.jit.record import copy_lane, fill, lanes_of, take_over
 from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import plant_start, plant_tick, reduce_signals, track_reference
 from masmc_ros.loop.reduction import axes_of_points, reduced_signals, Reduction
+from masmc_ros.loop.scenario import Scenario
 from masmc_ros.loop.simulated_robot import (
     delay_line,
     has_effects,
@@ -28,7 +29,7 @@ from masmc_ros.loop.simulated_robot import (
     write_plant,
     write_start,
 )
-from masmc_ros.params.declaration import Values
+from masmc_ros.loop.timing import CONTROL_PERIOD
 from masmc_ros.robot.robot import robot_of
 import numpy as np
 from numpy.typing import NDArray
@@ -54,7 +55,7 @@ class DrivenRobots:
 
     def __init__(
         self,
-        scenario: Mapping[str, Values],
+        scenario: Scenario,
         lanes: int,
         *,
         path: Array,
@@ -67,7 +68,7 @@ class DrivenRobots:
         Parameters
         ----------
         scenario
-            Checked parameter values by node name, for lanes without a robot.
+            Scenario for lanes without a robot.
         lanes
             Number of robots.
         path
@@ -76,19 +77,19 @@ class DrivenRobots:
             Window and band of the reduced signals, see `loop.reduction.reduce_tick`.
 
         """
-        robot = robot_of(scenario['plant'])
+        robot = scenario.robot
         mechanism = self.mechanism = robot.mechanism
-        self._period, self._path = scenario['plant']['control_period'], path
+        self._period, self._path = CONTROL_PERIOD.of(scenario.plant), path
         self._window, self._settling = window, settling
         self._points = axes_of_points(mechanism)
         self._plant = records.plant_settings(
-            mechanism, lanes, has_effects=has_effects(scenario['plant'])
+            mechanism, lanes, has_effects=has_effects(scenario.plant)
         )
         self._nominal = records.plant_settings(mechanism, lanes)
         self._memory = records.plant_memory(mechanism, lanes)
-        write_plant(self._plant, robot, self._period, scenario['plant'])
+        write_plant(self._plant, robot, self._period, scenario.plant)
         fill(self._nominal, 'geometry', robot.geometry)
-        write_start(self._memory, robot, scenario['plant'])
+        write_start(self._memory, robot, scenario.plant)
         self._delayed = delay_line(self._plant, mechanism)
         self.signals = records.signals(mechanism, lanes)
         self.tracked = records.tracked(mechanism, lanes)
@@ -106,14 +107,14 @@ class DrivenRobots:
         """Return the arrays that a tick changes; lanes are their last axis."""
         return self._memory, self._delayed, self.signals, self.tracked, self.reduced
 
-    def start(self, runs: Mapping[int, Mapping[str, Values]]) -> None:
+    def start(self, runs: Mapping[int, Scenario]) -> None:
         """
         Start robots at tick 0 in their initial states.
 
         Parameters
         ----------
         runs
-            Checked parameter values by node name, for each lane that starts. Control period,
+            Scenario of each lane that starts. Control period,
             integration steps and path are those of all lanes.
 
         Raises
@@ -131,7 +132,7 @@ class DrivenRobots:
             if record is not delayed:
                 record[...] = before
         for lane, run in runs.items():
-            write_start(memory, robot_of(run['plant']), run['plant'], lane)
+            write_start(memory, run.robot, run.plant, lane)
         self._call(plant_start, self._plant, memory, delayed, signals)
         for lane in runs:
             if not _is_finite(signals, lane):
@@ -140,14 +141,14 @@ class DrivenRobots:
         _copy_lanes(state, self._state, started)
         self.tick[started] = 0
 
-    def _write_settings(self, runs: Mapping[int, Mapping[str, Values]]) -> None:
+    def _write_settings(self, runs: Mapping[int, Scenario]) -> None:
         """Write the settings of robots that start."""
-        if any(has_effects(run['plant']) for run in runs.values()):
+        if any(has_effects(run.plant) for run in runs.values()):
             self._add_effects()
         for lane, run in runs.items():
-            robot = robot_of(run['plant'])
-            write_plant(self._plant, robot, self._period, run['plant'], lane)
-            fill(self._nominal, 'geometry', robot_of(run['controller']).geometry, lane)
+            robot = run.robot
+            write_plant(self._plant, robot, self._period, run.plant, lane)
+            fill(self._nominal, 'geometry', robot_of(run.controller).geometry, lane)
         self._lengthen(len(delay_line(self._plant, self.mechanism)))
 
     def _lengthen(self, rows: int) -> None:

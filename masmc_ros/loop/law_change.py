@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 from masmc_ros.law.command_interface import COMMAND_INTERFACE
 from masmc_ros.law.parts.joint_limits import CHOICE as JOINT_LIMITS
+from masmc_ros.law.registry import LAW, SWITCHING_TERM
 from masmc_ros.loop import records
 from masmc_ros.loop.compiling_process import reason, started
 from masmc_ros.loop.controller import Controller
@@ -141,7 +142,7 @@ class LawChange:
     def _code_of(self, values: Values) -> Code:
         """Return the code required by the controller with these parameter values."""
         # Creating its records takes milliseconds.
-        name = values['law'], values['switching'], records.is_compensated(values)
+        name = LAW.of(values), SWITCHING_TERM.of(values), records.is_compensated(values)
         if name not in self._known:
             self._known[name] = code_for(self._controller.mechanism, values)
         return self._known[name]

@@ -17,6 +17,7 @@ from masmc_ros.law.command_interface import is_hybrid, takes_rates
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts.delay_fields import ENABLING
 from masmc_ros.law.rasmc import RASMC
+from masmc_ros.law.registry import LAW, SWITCHING_TERM
 from masmc_ros.law.smc import SMC
 from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import (
@@ -139,20 +140,21 @@ def code_for(mechanism: Mechanism, values: Values) -> Code:
     """Return the code required by a controller with these parameter values."""
     compensated = records.is_compensated(values)
     if takes_rates(values):
-        return code_of_law(mechanism, registry.OF_RATES, values['switching'])
+        return code_of_law(mechanism, registry.OF_RATES, SWITCHING_TERM.of(values))
     limited = records.is_limited(values, mechanism)
-    law = registry.load_for(values['law'], mechanism)
+    law = registry.load_for(LAW.of(values), mechanism)
     if isinstance(law, Law):
         return code_of_law(
             mechanism,
             law,
-            values['switching'],
+            SWITCHING_TERM.of(values),
             is_hybrid=is_hybrid(values),
             compensated=compensated,
             limited=limited,
         )
     return code_of_plain_law(
-        mechanism, values['law'], values['switching'], compensated=compensated, limited=limited
+        mechanism, LAW.of(values), SWITCHING_TERM.of(values), compensated=compensated,
+        limited=limited,
     )
 
 

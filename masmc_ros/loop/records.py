@@ -26,6 +26,7 @@ from masmc_ros.law.command_interface import (
 from masmc_ros.law.declared import declared_for
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts import delay_compensation, delay_fields, joint_limits
+from masmc_ros.law.parts.model import MODEL_SCALE, PAYLOAD_COM, PAYLOAD_INERTIA, PAYLOAD_MASS
 from masmc_ros.law.parts.moving_base import BY_TORQUE, BY_VELOCITY
 from masmc_ros.law.registry import parameters, REACHING, shared_parameters
 from masmc_ros.loop import control
@@ -98,11 +99,11 @@ def nominal_theta(robot: Robot, values: Values) -> NDArray[np.float64]:
 
     Raises InputError if the type of robot has no payload.
     """
-    scaled = replace(robot, theta=values['model_scale'] * robot.theta)
-    if values['payload.mass'] == 0.0:
+    scaled = replace(robot, theta=MODEL_SCALE.of(values) * robot.theta)
+    if PAYLOAD_MASS.of(values) == 0.0:
         return scaled.theta
-    centre, inertia = (np.array(values[f'payload.{name}']) for name in ('com', 'inertia'))
-    return scaled.theta_with_payload(values['payload.mass'], centre, inertia)
+    centre, inertia = np.array(PAYLOAD_COM.of(values)), np.array(PAYLOAD_INERTIA.of(values))
+    return scaled.theta_with_payload(PAYLOAD_MASS.of(values), centre, inertia)
 
 
 def law_tag(law: Law) -> str:
@@ -150,7 +151,7 @@ def is_limited(values: Values, mechanism: Mechanism) -> bool:
     name, enforce = joint_limits.CHOICE.name, joint_limits.ENFORCE
     if values[name] != enforce:
         return False
-    interface = values[COMMAND_INTERFACE.name]
+    interface = COMMAND_INTERFACE.of(values)
     if interface != COMMAND_INTERFACES[EFFORT]:
         raise InputError(
             f'{name} = {enforce}: expected {joint_limits.IGNORE} with {COMMAND_INTERFACE.name} '

@@ -28,18 +28,10 @@ from typing import NamedTuple
 
 from masmc_ros.aliases import Array, Integers
 from masmc_ros.jit.compiled import kernel
+from masmc_ros.law.parts.command_limits import TORQUE_LIMIT
 from masmc_ros.loop.controller import Controller
-from masmc_ros.params.declaration import Parameter
 import numpy as np
 from numpy.typing import NDArray
-
-PARAMETER = Parameter(
-    'runaway_detection',
-    True,
-    'Raise a fault if the robot runs away, in real time; false: a robot whose disturbance '
-    'exceeds its torque limits stays under control',
-    read_only=False,
-)
 
 REVERSALS, GROWTH, SPEED = 1, 2, 3
 """Rules, as numbers of the compiled check; 0 is no alarm."""
@@ -170,7 +162,7 @@ class RunawayWatch:
 
     def restart(self) -> None:
         """Clear the windows: the law, its limits or its activation changed."""
-        self._limit[:] = self._controller.values['torque_limit']
+        self._limit[:] = TORQUE_LIMIT.of(self._controller.values)
         for array in (
             self._sides, self._flips, self._last_side, self._limited, self._reversals, self._norms
         ):

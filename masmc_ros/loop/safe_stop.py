@@ -32,17 +32,16 @@ from masmc_ros.jit.lanes import lane_of
 from masmc_ros.jit.record import fill, new_record
 from masmc_ros.jit.tuples import dot, elementwise, tail
 from masmc_ros.jit.vectors import check_workspace
-from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES
+from masmc_ros.law.parts.command_limits import TORQUE_LIMIT, TORQUE_RATE_LIMIT
+from masmc_ros.law.parts.delay_fields import LATENCY, MOTOR_LAG
+from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES, VELOCITY_SOURCE
 from masmc_ros.loop.controller import Controller
+from masmc_ros.loop.controller_parameters import HOLD, VOID
 from masmc_ros.numerics.limits import clipped, limited
 from masmc_ros.numerics.scalars import minus, moved, times, zero
-from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.declaration import formulas_of_tag
 import numpy as np
-
-VOID, GRAVITY, HOLD = 'void', 'gravity', 'hold'
-"""Choices of `fault_action`."""
 
 GUIDE = 'guide'
 """Action while the arm is guided by hand: gravity torque and light damping."""
@@ -59,16 +58,6 @@ Time in s for which the last gravity torque is better than no torque.
 
 With wrong masses the arm falls after 0.2 s as with void, but in another direction.
 """
-
-PARAMETER = Parameter(
-    'fault_action',
-    HOLD,
-    'Torque after a fault, an emergency stop and ~/enable with false: void commands nothing, '
-    'gravity compensates the weight and damps the joints, hold also keeps the arm where it '
-    'comes to rest. Commanded rates are zero instead',
-    choices=(VOID, GRAVITY, HOLD),
-    read_only=False,
-)
 
 _MOST_GAIN = 40.0
 """Largest gain alpha in 1/s."""
@@ -297,8 +286,8 @@ class SafeStop:
         self._pull = UNFOLDING if self.action == UNFOLD else 0.0
         for name, value in (
             ('nominal', controller.nominal),
-            ('limit', controller.values['torque_limit']),
-            ('rate_limit', controller.values['torque_rate_limit']),
+            ('limit', TORQUE_LIMIT.of(controller.values)),
+            ('rate_limit', TORQUE_RATE_LIMIT.of(controller.values)),
         ):
             fill(self._record, name, np.asarray(value, np.float64))
 
@@ -325,7 +314,7 @@ class SafeStop:
         controller = self._controller
         elapsed = max((stamp - self._stamp) * 1e-9, 0.0)
         self._stamp = stamp
-        is_estimated = controller.values['velocity_source'] == SOURCES[ESTIMATED]
+        is_estimated = controller.values[VELOCITY_SOURCE.name] == SOURCES[ESTIMATED]
         if not stop_torque(
             self._record,
             position,
@@ -380,5 +369,5 @@ class SafeStop:
             tuple(np.broadcast_to(values[name], joints).tolist())
             for name in ('torque_limit', 'torque_rate_limit')
         )
-        delay = values['latency'] + values['motor_lag']
+        delay = LATENCY.of(values) + MOTOR_LAG.of(values)
         return largest_gain(self._controller.period, delay, limit, rate)

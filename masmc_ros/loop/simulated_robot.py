@@ -15,10 +15,32 @@ from masmc_ros.aliases import Array, Records
 from masmc_ros.errors import InputError
 from masmc_ros.jit.compiled import bound
 from masmc_ros.jit.record import AT_RUN_TIME, fill
-from masmc_ros.law.command_interface import by_velocity, is_hybrid
+from masmc_ros.law.command_interface import by_velocity, is_hybrid, MEASURES_VELOCITY
+from masmc_ros.law.parts.moving_base import BASE_LAG
 from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import plant_hold, plant_start, plant_tick
-from masmc_ros.loop.plant_parameters import PAYLOAD_MASS, PHYSICS, PUSH, RIGID
+from masmc_ros.loop.plant_parameters import (
+    BANDWIDTH,
+    CLASSES,
+    DELAY_JITTER,
+    ENCODER_RESOLUTION,
+    INITIAL_JOINTS,
+    INITIAL_POSE,
+    INTEGRATOR_STEP,
+    JOINT_DAMPING,
+    JOINT_STIFFNESS,
+    MEASUREMENT_DELAY,
+    MOTOR_LAG,
+    PAYLOAD_MASS,
+    PAYLOAD_TIME,
+    PHYSICS,
+    PUSH,
+    RIGID,
+    ROTOR_INERTIA,
+    STICTION_TORQUE,
+    STICTION_VELOCITY,
+    VELOCITY_NOISE,
+)
 from masmc_ros.loop.signals import OF_PLANT
 from masmc_ros.loop.timing import check_count, MOST_TICKS
 from masmc_ros.optional import remedy
@@ -106,7 +128,7 @@ class SimulatedRobot:
         self.robot, self.mechanism = robot, robot.mechanism
         self.settings = records.plant_settings(self.mechanism, has_effects=has_effects(values))
         self.pick_up, loaded = self._payload_of(values)
-        without = {**values, PAYLOAD_MASS: 0.0}
+        without = {**values, PAYLOAD_MASS.name: 0.0}
         write_plant(self.settings, robot, period, without if self.pick_up else loaded)
         self._theta = robot.theta, _true_theta(robot, loaded)
         self.memory = records.plant_memory(self.mechanism)
@@ -130,7 +152,7 @@ class SimulatedRobot:
     @property
     def delay(self) -> float:
         """Return the mean age of measured states in s."""
-        return stamp_age(self._values['measurement_delay'], self.period)
+        return stamp_age(MEASUREMENT_DELAY.of(self._values), self.period)
 
     @property
     def contact(self) -> NDArray[np.float64]:
@@ -149,23 +171,23 @@ class SimulatedRobot:
 
     def _payload_of(self, values: Values) -> tuple[int, Values]:
         """Return the tick of the pick-up, and the values of the robot with its payload."""
-        if values['physics'] != RIGID or values[PAYLOAD_MASS] == 0.0:
+        if PHYSICS.of(values) != RIGID or PAYLOAD_MASS.of(values) == 0.0:
             return 0, values
-        return round(values['payload.time'] / self.period), {**values, 'payload.time': 0.0}
+        return round(PAYLOAD_TIME.of(values) / self.period), {**values, 'payload.time': 0.0}
 
     def check_change(self, values: Values) -> None:
         """Raise InputError if the running robot cannot use checked values of `parameters`."""
-        if values['physics'] != RIGID and values[PAYLOAD_MASS] != self._values[PAYLOAD_MASS]:
+        mass, expected = PAYLOAD_MASS.of(values), PAYLOAD_MASS.of(self._values)
+        if PHYSICS.of(values) != RIGID and mass != expected:
             raise InputError(
-                f'payload.mass = {values[PAYLOAD_MASS]:g}: read-only with physics = '
-                f'{values["physics"]}; expected {self._values[PAYLOAD_MASS]:g}, or a plant that '
-                'is started with this payload'
+                f'payload.mass = {mass:g}: read-only with physics = {PHYSICS.of(values)}; '
+                f'expected {expected:g}, or a plant that is started with this payload'
             )
         _true_theta(self.robot, self._payload_of(values)[1])
 
     def change(self, values: Values) -> None:
         """Use payload and push of checked values, which `check_change` accepts, from now on."""
-        if values['physics'] == RIGID:
+        if PHYSICS.of(values) == RIGID:
             self.pick_up, loaded = self._payload_of(values)
             self._theta = self.robot.theta, _true_theta(self.robot, loaded)
             # At the tick of the pick-up, `advance` adds the payload.
@@ -217,7 +239,7 @@ def disturbance_waves(values: Values) -> dict[str, NDArray[np.float64]]:
 
     The torque is amplitude sin(frequency t + phase); that of a pushed joint is constant.
     """
-    push = np.array(values[PUSH])
+    push = np.array(PUSH.of(values))
     constants: dict[str, ArrayLike] = {
         'amplitude': push, 'frequency': 0.0, 'phase': 0.5 * math.pi
     }
@@ -234,7 +256,7 @@ def plant_of(values: Values, period: float) -> SimulatedRobot:
     The control period is in s. Raises InputError if there is no such robot, and UserError if its
     physics is not installed.
     """
-    module, name = PHYSICS[values['physics']]
+    module, name = CLASSES[PHYSICS.of(values)]
     try:
         kind = getattr(import_module(module), name)
     except ModuleNotFoundError as missing:
@@ -258,21 +280,21 @@ def write_plant(
     """
     delay, delay_span = _ticks_of_delay(values, 'measurement_delay', period)
     command_delay, command_delay_span = _ticks_of_delay(values, 'command_delay', period)
-    if any(values[PUSH]):
+    if any(PUSH.of(values)):
         raise InputError(
-            f'plant.push.torque = {list(values[PUSH])}: expected 0 at the start; set it while the '
-            'plant runs'
+            f'plant.push.torque = {list(PUSH.of(values))}: expected 0 at the start; set it while '
+            'the plant runs'
         )
-    lacks_velocity = not values['measures_velocity']
-    stiffness = values['joint_stiffness']
+    lacks_velocity = not MEASURES_VELOCITY.of(values)
+    stiffness = JOINT_STIFFNESS.of(values)
     imperfect = (
-        *values['encoder_resolution'],
-        *values['velocity_noise'],
+        *ENCODER_RESOLUTION.of(values),
+        *VELOCITY_NOISE.of(values),
         *stiffness,
         delay,
         lacks_velocity,
     )
-    step = values['integrator_step']
+    step = INTEGRATOR_STEP.of(values)
     check_count(
         Decimal(period) / Decimal(step),
         MOST_TICKS,
@@ -283,7 +305,7 @@ def write_plant(
     steps = max(1, round(period / step))
     follows = by_velocity(values, robot.mechanism)
     with_rates = bool(follows.any())
-    bandwidth = np.array(values['velocity_loop.bandwidth'])
+    bandwidth = np.array(BANDWIDTH.of(values))
     if not with_rates:
         # With commanded torques the robot determines the step; drives that hold use it too.
         bandwidth = np.minimum(bandwidth, _BANDWIDTH_STEP * steps / period)
@@ -297,8 +319,8 @@ def write_plant(
         'is_hybrid': is_hybrid(values),
         'by_velocity': follows,
         'is_exact': not any(imperfect),
-        'resolution': values['encoder_resolution'],
-        'noise': values['velocity_noise'],
+        'resolution': ENCODER_RESOLUTION.of(values),
+        'noise': VELOCITY_NOISE.of(values),
         'lacks_velocity': lacks_velocity,
         'delay': delay,
         'delay_span': delay_span,
@@ -306,26 +328,27 @@ def write_plant(
         'command_delay_span': command_delay_span,
         'bandwidth': bandwidth,
         'has_losses': _has_losses(values),
-        'stiction': values['stiction.torque'],
-        'stiction_velocity': values['stiction.velocity'],
+        'stiction': STICTION_TORQUE.of(values),
+        'stiction_velocity': STICTION_VELOCITY.of(values),
         'is_elastic': any(stiffness),
         'joint_stiffness': stiffness,
-        'joint_damping': values['joint_damping'],
-        'rotor_inertia': values['rotor_inertia'],
+        'joint_damping': JOINT_DAMPING.of(values),
+        'rotor_inertia': ROTOR_INERTIA.of(values),
     }.items():
         write(settings, name, value, lane)
-    angles, theta = np.array(values['initial_joints']), _true_theta(robot, values)
+    angles, theta = np.array(INITIAL_JOINTS.of(values)), _true_theta(robot, values)
     (inertias,) = _inertias(robot.mechanism, robot.geometry[None], theta[None], angles[None])
     write(settings, 'inertia', inertias, lane)
     step = period / steps
     _check_frequencies(values, robot.mechanism, inertias, step)
     base_decay = np.zeros(len(follows))
-    base_decay[:len(robot.mechanism.twist)] = lag_shares(values['base_lag'], period, 2.0 * step)[0]
+    lag = lag_shares(BASE_LAG.of(values), period, 2.0 * step)
+    base_decay[:len(robot.mechanism.twist)] = lag[0]
     write(settings, 'base_decay', base_decay, lane)
-    shares = np.array([lag_shares(lag, period, step) for lag in values['motor_lag']])
+    shares = np.array([lag_shares(lag, period, step) for lag in MOTOR_LAG.of(values)])
     write(settings, 'lag_decay', shares[:, 0], lane)
     write(settings, 'lag_mean', shares[:, 1], lane)
-    of_stiction = values['stiction.torque'], values['stiction.velocity'], inertias
+    of_stiction = STICTION_TORQUE.of(values), STICTION_VELOCITY.of(values), inertias
     gains = np.array([bristle_gains(*joint, step) for joint in zip(*of_stiction, strict=True)])
     write(settings, 'bristle_stiffness', gains[:, 0], lane)
     write(settings, 'bristle_damping', gains[:, 1], lane)
@@ -379,11 +402,11 @@ def write_plants(
 def _names_of_columns(mechanism: Mechanism, values: Values) -> frozenset[str]:
     """Return the parameters in which plants of `_write_columns` differ from one with values."""
     # Gains of bristles and rotors depend on the inertia.
-    has_gains = any((*values['joint_stiffness'], *values['stiction.torque']))
+    has_gains = any((*JOINT_STIFFNESS.of(values), *STICTION_TORQUE.of(values)))
     if AT_RUN_TIME in mechanism.sizes or has_gains:
         return frozenset()
     names = (parameter.name for parameter in mechanism.parameters)
-    return frozenset({*names, *_COPIED, *_STARTS, PAYLOAD_MASS, 'initial_pose'})
+    return frozenset({*names, *_COPIED, *_STARTS, PAYLOAD_MASS.name, 'initial_pose'})
 
 
 def _write_columns(
@@ -398,7 +421,7 @@ def _write_columns(
     robots = [robot_with(mechanism, values) for values in plants.values()]
     geometry = np.array([robot.geometry for robot in robots])
     theta = np.array([_true_theta(*pair) for pair in zip(robots, plants.values(), strict=True)])
-    poses = [(values['initial_pose'], values['initial_joints']) for values in plants.values()]
+    poses = [(INITIAL_POSE.of(values), INITIAL_JOINTS.of(values)) for values in plants.values()]
     angles = np.array([joints for _, joints in poses])
     columns: dict[str, ArrayLike] = {'geometry': geometry, 'theta': theta}
     columns['inertia'] = _inertias(mechanism, geometry, theta, angles)
@@ -426,21 +449,21 @@ _plant_of_one = lru_cache(maxsize=16)(records.plant_settings)
 
 def has_effects(values: Values) -> bool:
     """Return True if motors lag, or joints stick or are elastic."""
-    return _has_losses(values) or any(values['joint_stiffness'])
+    return _has_losses(values) or any(JOINT_STIFFNESS.of(values))
 
 
 def _has_losses(values: Values) -> bool:
-    return any((*values['motor_lag'], *values['stiction.torque']))
+    return any((*MOTOR_LAG.of(values), *STICTION_TORQUE.of(values)))
 
 
 def _true_theta(robot: Robot, values: Values) -> NDArray[np.float64]:
     """Return the true parameters of the robot; the contact model has another payload."""
-    mass = values['payload.mass']
-    if values['physics'] != RIGID or mass == 0.0:
+    mass = PAYLOAD_MASS.of(values)
+    if PHYSICS.of(values) != RIGID or mass == 0.0:
         return robot.theta
-    if values['payload.time'] > 0.0:
+    if PAYLOAD_TIME.of(values) > 0.0:
         raise InputError(
-            f'plant.payload.time = {values["payload.time"]:g}: expected 0 for runs in one batch; '
+            f'plant.payload.time = {PAYLOAD_TIME.of(values):g}: expected 0 for runs in one batch; '
             'nodes and masmc simulate have later times'
         )
     return robot.theta_with_payload(mass, np.zeros(3), np.zeros(6))
@@ -450,7 +473,7 @@ def _check_frequencies(
     values: Values, mechanism: Mechanism, inertias: NDArray[np.float64], step: float
 ) -> None:
     """Raise InputError if an elastic joint is too fast for the integration step in s."""
-    parts = zip(values['joint_stiffness'], values['rotor_inertia'], inertias, strict=True)
+    parts = zip(JOINT_STIFFNESS.of(values), ROTOR_INERTIA.of(values), inertias, strict=True)
     for joint, part in zip(mechanism.joints, parts, strict=True):
         frequency = natural_frequency(*part)
         if frequency * step > LONGEST_STEP:
@@ -468,7 +491,7 @@ def stamp_age(delay: float, period: float) -> float:
 
 def _ticks_of_delay(values: Values, name: str, period: float) -> tuple[int, int]:
     """Return the largest delay of a parameter in ticks, and by how many it can be shorter."""
-    delay, jitter = values[name] / period, values['delay_jitter']
+    delay, jitter = values[name] / period, DELAY_JITTER.of(values)
     largest = round(delay * (1.0 + jitter))
     return largest, largest - round(delay * (1.0 - jitter))
 
@@ -482,7 +505,7 @@ def write_start(
 ) -> None:
     """Write the initial state for checked values of `parameters` into a record; see `Write`."""
     for name, value in {
-        'position': robot.start(values['initial_pose'], values['initial_joints']),
+        'position': robot.start(INITIAL_POSE.of(values), INITIAL_JOINTS.of(values)),
         **{field: values[name] for name, fields in _STARTS.items() for field in fields},
         **dict.fromkeys(_STILL, 0.0),
         'acting': 0,

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 from masmc_ros.aliases import Array, Records
@@ -14,12 +14,13 @@ from masmc_ros.jit.record import uninitialised
 from masmc_ros.law.command_interface import check_agreement
 from masmc_ros.loop.closed_loop import closed_loop, plant_step_of
 from masmc_ros.loop.controller import Controller
+from masmc_ros.loop.controller_parameters import ACTIVE_ON_START, APPROACH_SPEED
 from masmc_ros.loop.drive import Drive
+from masmc_ros.loop.scenario import Scenario
 from masmc_ros.loop.signals import OF_PLANT
 from masmc_ros.loop.simulated_robot import diverged, plant_of
 from masmc_ros.loop.tick_block import Change, TickBlock
 from masmc_ros.loop.timing import Timing
-from masmc_ros.params.declaration import Values
 from masmc_ros.reference.approach import Approach
 from masmc_ros.reference.sampled_trajectory import SampledTrajectory
 from masmc_ros.reference.trajectory import Trajectory
@@ -37,7 +38,7 @@ class Simulation:
 
     def __init__(
         self,
-        values: Mapping[str, Values],
+        scenario: Scenario,
         changes: Sequence[Change] = (),
         samples: SampledTrajectory | None = None,
     ) -> None:
@@ -46,12 +47,12 @@ class Simulation:
 
         Parameters
         ----------
-        values
-            Checked parameter values of every node, by node name.
+        scenario
+            Checked values of every node.
         changes
             Changes of controller and plant during the run, in the order of their ticks.
         samples
-            Reference of the run; None for the trajectory of the values.
+            Reference of the run; None for the trajectory of the scenario.
 
         Raises
         ------
@@ -59,7 +60,7 @@ class Simulation:
             If the values of the nodes do not match.
 
         """
-        plant, control = values['plant'], values['controller']
+        plant, control = scenario.plant, scenario.controller
         self._start, self._start_plant = control, plant
         self._plant_values = plant
         self._changes = tuple(changes)
@@ -71,7 +72,7 @@ class Simulation:
         self.controller.set_stamp_age(self.plant.delay)
         self._drive = self._new_drive()
         self.trajectory = samples or Trajectory(
-            values['trajectory'], self.timing.period, robot_of(values['trajectory'])
+            scenario.trajectory, self.timing.period, robot_of(scenario.trajectory)
         )
 
     def run(self, block: int = BLOCK) -> Iterator[TickBlock]:
@@ -140,8 +141,8 @@ class Simulation:
             self._drive.apply(change.event, stamp, self.plant.position, self.plant.velocity)
 
     def _new_drive(self) -> Drive:
-        approach = Approach(self.controller.robot, self._start['approach_speed'])
-        is_active = self._start['active_on_start']
+        approach = Approach(self.controller.robot, APPROACH_SPEED.of(self._start))
+        is_active = ACTIVE_ON_START.of(self._start)
         return Drive(self.controller, approach, is_active=is_active, is_timed=self._is_timed)
 
     def _followed(self, first: int, reference: Array) -> Array:

@@ -25,10 +25,17 @@ from masmc_ros.jit.tuples import elementwise, joined, tail, thirds
 from masmc_ros.jit.vectors import check_workspace
 from masmc_ros.law.command_interface import COMMAND_INTERFACE, COMMAND_INTERFACES, EFFORT
 from masmc_ros.law.parts.delay_compensation import note_skipped
+from masmc_ros.law.parts.delay_fields import LATENCY, MOTOR_LAG
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED
 from masmc_ros.loop import fault_rules, safe_stop
 from masmc_ros.loop.closed_loop import finite_residual, NOT_FINITE
 from masmc_ros.loop.controller import Controller
+from masmc_ros.loop.controller_parameters import (
+    APPROACH_SPEED,
+    FAULT_ACTION,
+    FAULT_ACTIONS,
+    REFERENCE_TIMEOUT,
+)
 from masmc_ros.numerics.scalars import nearest, zero
 from masmc_ros.params.declaration import Values
 from masmc_ros.reference import approach
@@ -123,7 +130,7 @@ FIELDS = (
 
 def is_supervised(values: Values) -> bool:
     """Return True if a controller commands torques, for which the supervision is compiled."""
-    interface: str = values[COMMAND_INTERFACE.name]
+    interface = COMMAND_INTERFACE.of(values)
     return interface == COMMAND_INTERFACES[EFFORT]
 
 
@@ -134,12 +141,11 @@ def supervision_record(controller: Controller, state_timeout: float) -> Records:
     for name, value in (
         ('geometry', controller.robot.geometry),
         ('period', controller.period),
-        ('delay', values['latency'] + values['motor_lag']),
-        ('fault_action', (safe_stop.VOID, safe_stop.GRAVITY, safe_stop.HOLD).index(
-            values['fault_action'])),
+        ('delay', LATENCY.of(values) + MOTOR_LAG.of(values)),
+        ('fault_action', FAULT_ACTIONS.index(FAULT_ACTION.of(values))),
         ('state_timeout', round(1e9 * state_timeout)),
-        ('reference_timeout', round(1e9 * values['reference_timeout'])),
-        ('approach_speed', values['approach_speed']),
+        ('reference_timeout', round(1e9 * REFERENCE_TIMEOUT.of(values))),
+        ('approach_speed', APPROACH_SPEED.of(values)),
         ('mode', ACTIVE),
         ('restarts', 1),
     ):  # fmt: skip

@@ -12,14 +12,14 @@ controller with compensation of latency predicts.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from masmc_ros.aliases import Array, Flags, Integers, Records
+from masmc_ros.loop.scenario import Scenario
 from masmc_ros.loop.signals import OF_PLANT
 from masmc_ros.loop.simulation import BLOCK, Simulation
 from masmc_ros.loop.tick_block import Change, TickBlock
-from masmc_ros.params.declaration import Values
 from masmc_ros.reference.sampled_trajectory import SampledTrajectory
 import numpy as np
 
@@ -40,7 +40,7 @@ class TimedSimulation(Simulation):
 
     def __init__(
         self,
-        values: Mapping[str, Values],
+        scenario: Scenario,
         changes: Sequence[Change],
         samples: SampledTrajectory | None,
         responses: Responses,
@@ -50,13 +50,13 @@ class TimedSimulation(Simulation):
 
         Parameters
         ----------
-        values, changes, samples
+        scenario, changes, samples
             As for a `Simulation`.
         responses
             Responses of the controller.
 
         """
-        super().__init__(values, changes, samples)
+        super().__init__(scenario, changes, samples)
         self._responses = responses
         self._sent: list[Array | None] = []
         # Signals of the tick before a block.

@@ -11,17 +11,28 @@ from decimal import Decimal
 from masmc_ros.errors import InputError
 from masmc_ros.params.declaration import Parameter, Values
 
-TIMING = (
-    Parameter(
-        'control_period',
-        0.01,
-        'Time T between two control ticks',
-        unit='s',
-        minimum=0.0,
-        exclusive_minimum=True,
-        maximum=1.0,
-    ),
-    Parameter('duration', 0.0, 'Duration of the run; 0: until interrupted', unit='s', minimum=0.0),
+CONTROL_PERIOD = Parameter(
+    'control_period',
+    0.01,
+    'Time T between two control ticks',
+    unit='s',
+    minimum=0.0,
+    exclusive_minimum=True,
+    maximum=1.0,
+)
+
+DURATION = Parameter(
+    'duration', 0.0, 'Duration of the run; 0: until interrupted', unit='s', minimum=0.0
+)
+
+TIMING = (CONTROL_PERIOD, DURATION)
+
+PACING = Parameter(
+    'pacing',
+    'realtime',
+    'lockstep: the plant advances when the command to the last state arrives; realtime: it '
+    'advances with time. A controller of real hardware needs realtime',
+    choices=('lockstep', 'realtime'),
 )
 
 LATE_TICKS = 2
@@ -58,7 +69,7 @@ class Timing:
     @classmethod
     def from_values(cls, values: Values) -> Timing:
         """Return the grid of checked parameter values; raise InputError for too many ticks."""
-        period, duration = values['control_period'], values['duration']
+        period, duration = CONTROL_PERIOD.of(values), DURATION.of(values)
         rate = 1 / Decimal(period)
         check_count(rate, MOST_TICKS, 'control_period', period, 'ticks in a second')
         if duration >= _LONGEST:

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from enum import Enum
 
+from masmc_ros.loop.controller_parameters import STATE_TIMEOUT
+from masmc_ros.loop.timing import CONTROL_PERIOD
 from masmc_ros.params.declaration import Values
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +22,8 @@ _MIN_PERIODS = 5
 
 def state_timeout(values: Values) -> float:
     """Return the state timeout of a controller's parameters in s, at least five periods."""
-    minimum: float = _MIN_PERIODS * values['control_period']
-    return max(values['state_timeout'], minimum)
+    minimum: float = _MIN_PERIODS * CONTROL_PERIOD.of(values)
+    return max(STATE_TIMEOUT.of(values), minimum)
 
 
 def in_time(stamps: NDArray[np.int64], gap_ns: int | None) -> NDArray[np.intp]:

@@ -18,8 +18,9 @@ from masmc_ros.jit.record import AT_RUN_TIME, lanes_of
 from masmc_ros.law.command_interface import takes_rates
 from masmc_ros.loop.batch_simulation import BatchRecords, BLOCK
 from masmc_ros.loop.driven_robots import DrivenRobots, OF_STATE
-from masmc_ros.loop.plant_parameters import RIGID
+from masmc_ros.loop.plant_parameters import PHYSICS, RIGID
 from masmc_ros.loop.reduction import axes_of_points, reduced_signals
+from masmc_ros.loop.scenario import Scenario
 from masmc_ros.loop.simulated_robot import (
     delay_line_shape,
     has_effects,
@@ -207,7 +208,7 @@ class DeviceRobots(DrivenRobots):
     """Driven robots on a device, one in each thread; its own records are those of one robot."""
 
     def __init__(
-        self, open_device: Callable[[], Device], scenario: Mapping[str, Values], lanes: int, *,
+        self, open_device: Callable[[], Device], scenario: Scenario, lanes: int, *,
         path: Array, window: tuple[int, int], settling: Array,
     ) -> None:  # fmt: skip
         """
@@ -226,7 +227,7 @@ class DeviceRobots(DrivenRobots):
             If the device is missing, does not compute such robots, or has not enough memory.
 
         """
-        open_device().check_plant(scenario['plant'])
+        open_device().check_plant(scenario.plant)
         super().__init__(scenario, 1, path=path, window=window, settling=settling)
         self._open, self._scenario = open_device, scenario
         self.tick, self._reduced = np.zeros(lanes, np.int64), dict[str, NDArray[Any]]()
@@ -262,24 +263,24 @@ class DeviceRobots(DrivenRobots):
                 runs.restore(content)
         return runs
 
-    def start(self, runs: Mapping[int, Mapping[str, Values]]) -> None:
+    def start(self, runs: Mapping[int, Scenario]) -> None:
         """Start robots at tick 0; see `DrivenRobots.start`."""
         places = list(runs)
         for first in range(0, len(places), _STAGED):
             part = places[first:first + _STAGED]
             self._start(np.array(part), [runs[place] for place in part])
 
-    def _start(self, places: Integers, runs: Sequence[Mapping[str, Values]]) -> None:
+    def _start(self, places: Integers, runs: Sequence[Scenario]) -> None:
         new = DrivenRobots(
             self._scenario, len(runs), path=self._path, window=self._window,
             settling=self._settling,
         )  # fmt: skip
-        plants = {place: run['plant'] for place, run in enumerate(runs)}
-        write_plants(new._plant, new._memory, plants, self._scenario['plant'], self._period)
-        lengths = [robot_of(run['controller']).geometry for run in runs]
+        plants = {place: run.plant for place, run in enumerate(runs)}
+        write_plants(new._plant, new._memory, plants, self._scenario.plant, self._period)
+        lengths = [robot_of(run.controller).geometry for run in runs]
         new._nominal['geometry'][0] = np.transpose(lengths)
         form = self._plant.dtype, len(self._delayed)
-        if any(has_effects(run['plant']) for run in runs):
+        if any(has_effects(run.plant) for run in runs):
             self._add_effects()
         self._lengthen(delay_line_shape(new._plant, self.mechanism)[0])
         if form != (self._plant.dtype, len(self._delayed)):
@@ -324,7 +325,7 @@ class Device:
         self.accelerator, self.most_runs = accelerator, accelerator.most_runs
 
     def metrics(
-        self, runs: Sequence[Mapping[str, Values]], is_stopped: Callable[[], bool]
+        self, runs: Sequence[Scenario], is_stopped: Callable[[], bool]
     ) -> list[Metrics | float] | None:
         """
         Return the metrics of runs, or None if stopped; see `DeviceBatch.metrics`.
@@ -348,7 +349,7 @@ class Device:
             metrics += part
         return metrics
 
-    def check(self, run: Mapping[str, Values]) -> None:
+    def check(self, run: Scenario) -> None:
         """Raise InputError if a run has invalid values, or if its robot cannot reach its path."""
         BatchRecords([run]).whole_reference()
 
@@ -359,9 +360,9 @@ class Device:
                 'robot.urdf: a GPU has no records of robots from URDF files; expected device cpu, '
                 "or the paper's robot"
             )
-        if plant['physics'] != RIGID:
+        if PHYSICS.of(plant) != RIGID:
             raise InputError(
-                f'plant.physics = {plant["physics"]}: expected {RIGID}, or device cpu'
+                f'plant.physics = {PHYSICS.of(plant)}: expected {RIGID}, or device cpu'
             )
 
 

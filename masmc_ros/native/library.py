@@ -21,8 +21,12 @@ from masmc_ros.jit.vectors import WORKSPACE
 from masmc_ros.json_text import json_text
 from masmc_ros.law.parts.delay_fields import ENABLING
 from masmc_ros.law.parts.model import PAYLOAD
+from masmc_ros.law.registry import LAW, SWITCHING_TERM
 from masmc_ros.loop.closed_loop import NOT_FINITE, SINGULAR
+from masmc_ros.loop.controller_parameters import ACTIVE_ON_START, APPROACH_ON_START
+from masmc_ros.loop.plant_parameters import PAYLOAD_MASS, PAYLOAD_TIME, PHYSICS
 from masmc_ros.loop.records import read_by
+from masmc_ros.loop.scenario import Scenario
 from masmc_ros.loop.signals import inputs, SIGNALS
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.supervision import NAMES, PROGRAM_FIELDS
@@ -41,7 +45,7 @@ from masmc_ros.native.ros2_control import check_supervised, package_contents, pa
 from masmc_ros.native.targets import Target
 from masmc_ros.native.template import filled
 from masmc_ros.output_files import check_absent, make_folder, write_file
-from masmc_ros.params.declaration import Parameter, Values
+from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot.dead_reckoning import has_odometry
 import numpy as np
 
@@ -73,7 +77,7 @@ class _Record(NamedTuple):
 def write_library(
     folder: Path,
     name: str,
-    values: Mapping[str, Values],
+    scenario: Scenario,
     targets: Mapping[str, Target],
     *,
     overwrite: bool,
@@ -89,8 +93,8 @@ def write_library(
         Folder of the library, which is created.
     name
         Name of the library, the beginning of all names in C.
-    values
-        Checked parameter values of every node, by node name.
+    scenario
+        Scenario of the run.
     targets
         Processors by name, see `targets.TARGETS`.
     overwrite
@@ -120,10 +124,10 @@ def write_library(
     for path in (*paths.values(), *([package] if ros2_control else ())):
         check_absent(path, overwrite=overwrite)
     if ros2_control:
-        check_supervised(values['controller'])
-    simulation = exported_simulation(values, 'a library')
+        check_supervised(scenario.controller)
+    simulation = exported_simulation(scenario, 'a library')
     names = [entry for entry in LIBRARY if supervised or entry not in (*SUPERVISION, 'odometry')]
-    if 'odometry' in names and not has_odometry(values['controller']):
+    if 'odometry' in names and not has_odometry(scenario.controller):
         names.remove('odometry')
     found = entries(simulation, names)
     functions = {f'{name}_{entry}': function for entry, function in found.items()}
@@ -146,7 +150,7 @@ def write_library(
     files = {path: contents[key] for key, path in paths.items()}
     if ros2_control:
         added = package_contents(
-            described, values['controller'],
+            described, scenario.controller,
             {target: contents[target] for target in targets}, contents['reference'],
         )  # fmt: skip
         files |= {package / path: content for path, content in added.items()}
@@ -156,32 +160,32 @@ def write_library(
     return list(files)
 
 
-def exported_simulation(values: Mapping[str, Values], product: str) -> Simulation:
+def exported_simulation(scenario: Scenario, product: str) -> Simulation:
     """
     Return the simulation of a scenario at its start, for a product such as 'a library'.
 
     Raises InputError if the scenario cannot leave Python.
     """
-    control, plant = values['controller'], values['plant']
-    if control['approach_on_start'] or not control['active_on_start']:
+    control, plant = scenario.controller, scenario.plant
+    if APPROACH_ON_START.of(control) or not ACTIVE_ON_START.of(control):
         raise InputError(
             f'approach_on_start or active_on_start: {product} has no approach and is always'
             ' active; expected approach_on_start false and active_on_start true'
         )
-    if plant['payload.mass'] and plant['payload.time']:
+    if PAYLOAD_MASS.of(plant) and PAYLOAD_TIME.of(plant):
         raise InputError(
-            f'plant.payload.time = {plant["payload.time"]:g}: the robot of {product} has its'
+            f'plant.payload.time = {PAYLOAD_TIME.of(plant):g}: the robot of {product} has its'
             ' payload from the start; expected 0'
         )
     # The product has its own compiled code. Plain Python warns of a NaN that it computes.
     with interpreted(), np.errstate(all='ignore'):
-        simulation = Simulation(values)
+        simulation = Simulation(scenario)
     if simulation.timing.last is None:
         raise InputError(f'duration = 0.0: expected a length > 0 s for the run of {product}')
     if not simulation.plant.is_compiled:
-        raise InputError(f'plant.physics = {plant["physics"]}: expected rigid for {product}')
+        raise InputError(f'plant.physics = {PHYSICS.of(plant)}: expected rigid for {product}')
     if not simulation.controller.is_compiled:
-        raise InputError(f'law = {control["law"]}: it is plain Python, expected a compiled law')
+        raise InputError(f'law = {LAW.of(control)}: it is plain Python, expected a compiled law')
     with interpreted(), np.errstate(all='ignore'):
         simulation.controller.reset()
     return simulation
@@ -230,8 +234,8 @@ def _described(
         'has_odometry': 'odometry' in found,
         'name': name,
         'version': __version__,
-        'law': controller.values['law'],
-        'switching': controller.values['switching'] if controller.uses_switching else '',
+        'law': LAW.of(controller.values),
+        'switching': SWITCHING_TERM.of(controller.values) if controller.uses_switching else '',
         'period': simulation.timing.period,
         'ticks': simulation.timing.last + 1,
         'sizes': dict(zip(

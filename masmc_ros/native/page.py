@@ -25,17 +25,23 @@ from masmc_ros.jit.sized_records import has_layout
 from masmc_ros.jit.vectors import WORKSPACE
 from masmc_ros.json_text import json_text
 from masmc_ros.law import registry
+from masmc_ros.law.command_interface import COMMAND_INTERFACE
+from masmc_ros.law.parts.model import PAYLOAD_MASS
+from masmc_ros.law.registry import LAW, SWITCHING_TERM
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.plant_parameters import parameters as plant_parameters
 from masmc_ros.loop.records import read_by
+from masmc_ros.loop.scenario import Scenario
 from masmc_ros.loop.simulation import Simulation
+from masmc_ros.loop.timing import DURATION
 from masmc_ros.native.entries import entries, PLANT, records_of
 from masmc_ros.native.library import DERIVED, exported_simulation
 from masmc_ros.native.object_code import joined_object, merged, optimised
 from masmc_ros.native.targets import WEB
 from masmc_ros.native.web_module import web_module
-from masmc_ros.params.declaration import Parameter, Values
+from masmc_ros.params.declaration import Parameter
 from masmc_ros.params.sliders import FACTOR, level_of, range_up_to
+from masmc_ros.reference.trajectory import TYPE
 from masmc_ros.report.page.template import rendered
 from masmc_ros.robot import mechanisms
 from masmc_ros.robot.tree.frames import STANDS
@@ -114,8 +120,8 @@ def page_of(file: str, settings: Sequence[str], laws: str, name: str) -> Page:
         If the scenario or a named law cannot leave Python.
 
     """
-    values = load_scenario(file, settings)
-    simulation = _simulation(values)
+    scenario = load_scenario(file, settings)
+    simulation = _simulation(scenario)
     functions = entries(simulation, PLANT)
     modules, names = [optimised(merged(functions), WEB)], list(functions)
     described: dict[str, Any] = {}
@@ -139,8 +145,8 @@ def page_of(file: str, settings: Sequence[str], laws: str, name: str) -> Page:
         'settings': list(settings),
         'own': _contender_of(simulation).label,
         'laws': described,
-        'choices': _choices(file, settings, values, simulation),
-        'plant': _described_plant(simulation, values),
+        'choices': _choices(file, settings, scenario, simulation),
+        'plant': _described_plant(simulation, scenario),
     }  # fmt: skip
     html = rendered(
         _TEMPLATES / 'page.html',
@@ -153,27 +159,27 @@ def page_of(file: str, settings: Sequence[str], laws: str, name: str) -> Page:
     return Page(html, tuple(described), tuple(omitted))
 
 
-def _simulation(values: Mapping[str, Values]) -> Simulation:
+def _simulation(scenario: Scenario) -> Simulation:
     """Return the simulation of a scenario; InputError if a page cannot show it."""
-    simulation = exported_simulation(values, 'a page')
+    simulation = exported_simulation(scenario, 'a page')
     mechanism = simulation.plant.mechanism
     if mechanism is not mechanisms.DEFAULT and not isinstance(mechanism, TreeMechanism):
         raise InputError(
             f"robot.mechanism = {mechanism.name}: a page draws the paper's robot and those of URDF"
             ' files only'
         )
-    path = values['trajectory']['type']
+    path = TYPE.of(scenario.trajectory)
     if path != 'line_sine':
         raise InputError(f'trajectory.type = {path}: a page computes line_sine only')
     if simulation.controller.commands_rates or simulation.controller.is_hybrid:
         raise InputError(
-            f'command_interface = {values["controller"]["command_interface"]}: expected effort'
+            f'command_interface = {COMMAND_INTERFACE.of(scenario.controller)}: expected effort'
             ' for a page'
         )
     assert simulation.timing.last is not None
     if simulation.timing.last >= MOST_TICKS:
         raise InputError(
-            f'duration = {values["plant"]["duration"]:g}: {simulation.timing.last + 1} ticks;'
+            f'duration = {DURATION.of(scenario.plant):g}: {simulation.timing.last + 1} ticks;'
             f' expected at most {MOST_TICKS} for a page'
         )
     simulation.trajectory.sample(0, simulation.timing.last + 1)  # checks the reach
@@ -198,22 +204,21 @@ def _contenders(laws: str, simulation: Simulation) -> tuple[Contender, ...]:
 
 def _contender_of(simulation: Simulation) -> Contender:
     """Return the law of the file."""
-    law = simulation.controller.values['law']
+    law = LAW.of(simulation.controller.values)
     return Contender(law, _switching(simulation) if registry.uses_switching(law) else '')
 
 
 def _switching(simulation: Simulation) -> str:
-    switching: str = simulation.controller.values['switching']
-    return switching
+    return SWITCHING_TERM.of(simulation.controller.values)
 
 
 def _described_law(controller: Controller, tick: str) -> dict[str, Any]:
     """Return the records of a law, its function and its parameters with sliders."""
     values = controller.values
-    law = registry.load(values['law'])
+    law = registry.load(LAW.of(values))
     declared = [*SHARED, *(p.name for p in getattr(law, 'parameters', ()))]
     if controller.uses_switching:
-        declared += [p.name for p in registry.REACHING[values['switching']].parameters]
+        declared += [p.name for p in registry.REACHING[SWITCHING_TERM.of(values)].parameters]
     parameters = {
         parameter.name: {
             'field': field,
@@ -225,8 +230,8 @@ def _described_law(controller: Controller, tick: str) -> dict[str, Any]:
         and not parameter.read_only and parameter.name not in {*DERIVED, _WITHOUT_EFFECT}
     }  # fmt: skip
     return {
-        'law': values['law'],
-        'switching': values['switching'] if controller.uses_switching else '',
+        'law': LAW.of(values),
+        'switching': SWITCHING_TERM.of(values) if controller.uses_switching else '',
         'tick': tick,
         'settings': _described_record(controller.settings),
         'memory': _described_record(controller.memory),
@@ -234,16 +239,16 @@ def _described_law(controller: Controller, tick: str) -> dict[str, Any]:
     }
 
 
-def _described_plant(simulation: Simulation, values: Mapping[str, Values]) -> dict[str, Any]:
+def _described_plant(simulation: Simulation, scenario: Scenario) -> dict[str, Any]:
     """Return the records of the plant, its path, and names of the signals."""
     plant, controller = simulation.plant, simulation.controller
-    mechanism, line = plant.mechanism, values['trajectory']
-    amplitude = values['plant'][_DISTURBANCE]
+    mechanism, line = plant.mechanism, scenario.trajectory
+    amplitude = scenario.plant[_DISTURBANCE]
     sliders = {}
     if any(amplitude):
         parameter = next(p for p in plant_parameters(mechanism) if p.name == _DISTURBANCE)
         sliders[_DISTURBANCE] = {'field': 'amplitude', **_slider(parameter, amplitude)}
-    if controller.values['payload.mass'] == 0.0:
+    if PAYLOAD_MASS.of(controller.values) == 0.0:
         scale = next(p for p, _ in read_by(controller.settings, mechanism) if p.name == SCALE)
         sliders[SCALE] = _slider(scale, controller.values[SCALE])
     is_sized = has_layout(plant.settings.dtype)
@@ -310,7 +315,7 @@ def _described_grid(simulation: Simulation) -> dict[str, Any]:
 
 
 def _choices(
-    file: str, settings: Sequence[str], values: Mapping[str, Values], simulation: Simulation
+    file: str, settings: Sequence[str], scenario: Scenario, simulation: Simulation
 ) -> dict[str, list[dict[str, Any]]]:
     """
     Return values of settings, each with the changes of the records that Python derives from it.
@@ -321,7 +326,7 @@ def _choices(
     combined: list[str] = []
     for name, offered in CHOICES.items():
         node, dot, parameter = name.partition('.')
-        own = values[node][parameter] if dot else values['plant'][name]
+        own = scenario[node][parameter] if dot else scenario.plant[name]
         levels = set(own) if isinstance(own, tuple) else {own}
         if len(levels) > 1:
             continue

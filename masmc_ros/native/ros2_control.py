@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from masmc_ros.errors import InputError
+from masmc_ros.law.command_interface import COMMAND_INTERFACE
 from masmc_ros.loop.supervision import is_supervised
 from masmc_ros.native.template import filled
 from masmc_ros.params.declaration import Parameter, Values
@@ -43,7 +44,7 @@ def check_supervised(values: Values) -> None:
     """Raise InputError for parameter values without a compiled supervision."""
     if not is_supervised(values):
         raise InputError(
-            f'command_interface = {values["command_interface"]}: expected effort, the only'
+            f'command_interface = {COMMAND_INTERFACE.of(values)}: expected effort, the only'
             ' command interface of a controller for ros2_control'
         )
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property
 import math
 import re
-from typing import Any, Literal, TypeGuard
+from typing import Any, Generic, Literal, TypeGuard, TypeVar
 
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.params.scalar import typed
@@ -65,12 +65,14 @@ Values = Mapping[str, Any]
 """
 Value by parameter name; checked, unless a function checks it.
 
-`Any` and not `Value`: the declaration of a parameter determines the type of its value, and a
-reader of `values['period']` knows it.
+The declaration of a parameter determines the type of its value: `PERIOD.of(values)`.
 """
 
 MutableValues = dict[str, Any]
 """Values in a dictionary that the receiver may change."""
+
+Content = TypeVar('Content')
+"""Type of the checked values of a parameter."""
 
 Kind = Literal['', 'bool', 'integer', 'double', 'string', 'doubles', 'strings']
 
@@ -87,7 +89,7 @@ _NOUNS: dict[str, str] = {
 
 
 @dataclass(frozen=True)
-class Parameter:
+class Parameter(Generic[Content]):
     """
     A parameter's declaration.
 
@@ -133,7 +135,7 @@ class Parameter:
     """
 
     name: str
-    default: Any
+    default: Content
     description: str
     unit: str = ''
     length: int | None = None
@@ -165,6 +167,16 @@ class Parameter:
             return 'strings' if texts else 'doubles'
         kinds: dict[type, Kind] = {bool: 'bool', int: 'integer', float: 'double', str: 'string'}
         return kinds[type(default)]
+
+    def of(self, values: Values) -> Content:
+        """Return the value of this parameter among those of a node; KeyError if it is missing."""
+        value: Content = values[self.name]
+        return value
+
+    def or_default(self, values: Values) -> Content:
+        """Return the value of this parameter, or its default if it is missing."""
+        value: Content = values.get(self.name, self.default)
+        return value
 
     @cached_property
     def bounds(self) -> Bounds:

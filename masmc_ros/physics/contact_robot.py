@@ -11,6 +11,13 @@ import math
 from masmc_ros.errors import InputError
 from masmc_ros.jit.compiled import bound
 from masmc_ros.loop.closed_loop import plant_drive, plant_observe
+from masmc_ros.loop.plant_parameters import (
+    CASTOR_DISTANCE,
+    FRICTION,
+    INTEGRATOR_STEP,
+    PAYLOAD_MASS,
+    PAYLOAD_TIME,
+)
 from masmc_ros.loop.signals import CONTACT
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.params.declaration import Values
@@ -54,19 +61,19 @@ class ContactRobot(SimulatedRobot):
     def __init__(self, robot: Robot, period: float, values: Values) -> None:
         """Initialise like `SimulatedRobot`; raise InputError if MuJoCo rejects the robot."""
         springs = ('joint_stiffness', 'joint_damping', 'rotor_inertia')
-        self._steps = max(1, round(period / values['integrator_step']))
+        self._steps = max(1, round(period / INTEGRATOR_STEP.of(values)))
         self._parts, self._loaded = (
             contact_model(
                 robot,
                 period / self._steps,
-                friction=values['friction'],
-                castor_distance=values['castor_distance'],
+                friction=FRICTION.of(values),
+                castor_distance=CASTOR_DISTANCE.of(values),
                 load=load,
                 springs=np.transpose([values[name] for name in springs]),
             )
-            for load in (0.0, values['payload.mass'])
+            for load in (0.0, PAYLOAD_MASS.of(values))
         )
-        self._pick_up = round(values['payload.time'] / period)
+        self._pick_up = round(PAYLOAD_TIME.of(values) / period)
         self._data = mujoco.MjData(self._parts.model)
         self._base = len(robot.mechanism.base)
         self._yaw, self._turned = 0.0, np.zeros(9)

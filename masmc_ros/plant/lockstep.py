@@ -7,13 +7,12 @@ from __future__ import annotations
 
 from masmc_ros.aliases import Array
 from masmc_ros.control.actions import Line, Wait
+from masmc_ros.loop.plant_parameters import MAX_REAL_TIME_FACTOR
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.timing import Timing
 from masmc_ros.params.declaration import Values
 from masmc_ros.plant.latest_command import CommandPart, Commands
 from masmc_ros.plant.plant_core import Actions, AwaitCommand, NOTHING, PlantCore
-
-MAX_REAL_TIME_FACTOR = 'max_real_time_factor'
 
 _LOOK = 1.0
 """Time in s between two checks of the reason of a wait."""
@@ -114,7 +113,7 @@ class PacedLockStep(LockStep):
     ) -> None:
         """Initialise the core as a `PlantCore`."""
         super().__init__(robot, timing, values, commands)
-        factor = values[MAX_REAL_TIME_FACTOR]
+        factor = MAX_REAL_TIME_FACTOR.of(values)
         self.timer_period = timing.period / factor
         self.text = f'lock-step at up to {factor:g} of real time'
 

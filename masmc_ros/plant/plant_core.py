@@ -19,7 +19,7 @@ from typing import NamedTuple
 from masmc_ros.aliases import Array
 from masmc_ros.control.actions import Failure, Line, Wait
 from masmc_ros.errors import InputError
-from masmc_ros.loop.plant_parameters import PAYLOAD_MASS, PUSH
+from masmc_ros.loop.plant_parameters import PAYLOAD_MASS, PUSH, PUSH_DURATION
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.timing import Timing
 from masmc_ros.params.declaration import Values
@@ -233,11 +233,11 @@ class PlantCore(ABC):
     def on_parameters(self, changed: Collection[str], now: float) -> Actions:
         """Use parameters with changed names from now on: payload and push."""
         values = self._values
-        if PAYLOAD_MASS in changed or PUSH in changed:
+        if PAYLOAD_MASS.name in changed or PUSH.name in changed:
             self.robot.change(values)
-        if PUSH in changed:
-            ticks = max(1, round(values['push.duration'] / self._timing.period))
-            self._push_end = self.robot.tick + ticks if any(values[PUSH]) else _NEVER
+        if PUSH.name in changed:
+            ticks = max(1, round(PUSH_DURATION.of(values) / self._timing.period))
+            self._push_end = self.robot.tick + ticks if any(PUSH.of(values)) else _NEVER
         return NOTHING
 
     def on_reset(self, now: float) -> Actions:

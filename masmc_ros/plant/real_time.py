@@ -10,14 +10,13 @@ from collections.abc import Collection
 from masmc_ros.aliases import Array
 from masmc_ros.control.actions import Line
 from masmc_ros.errors import InputError
+from masmc_ros.loop.plant_parameters import COMMAND_TIMEOUT, REAL_TIME_FACTOR
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.timing import LATE_TICKS, Timing
 from masmc_ros.params.declaration import Values
 from masmc_ros.plant.latest_command import CommandPart, Commands
 from masmc_ros.plant.plant_core import Action, Actions, NOTHING, PlantCore, PublishAgain
 from masmc_ros.throttle import Throttle
-
-REAL_TIME_FACTOR = 'real_time_factor'
 
 _REPEATED = 0.02
 """Time in s between two publications of the same state while the robot's time stands still."""
@@ -77,7 +76,7 @@ class RealTime(PlantCore):
         """Use a command to a state within the command timeout, or one that names no state."""
         if answered == 0 and part.is_zero_unlabelled:
             answered = None
-        oldest = 1e9 * self._values['command_timeout'] * self._values['real_time_factor']
+        oldest = 1e9 * self._values[COMMAND_TIMEOUT.name] * self._values[REAL_TIME_FACTOR.name]
         is_recent = answered is None or 0 <= self.stamp - answered <= oldest
         if not (self.has_started and is_recent):
             self.dropped += 1
@@ -93,7 +92,7 @@ class RealTime(PlantCore):
         """Update the ticks that are due; repeat the state while time stands still."""
         period, before = self._timing.period, self._woken
         self._woken = now
-        if now - before > max(0.5 * self._values['command_timeout'], 10.0 * period):
+        if now - before > max(0.5 * self._values[COMMAND_TIMEOUT.name], 10.0 * period):
             # The process was late, and the robot's time with it: new commands may be in the queue.
             self.commands.touch(now)
         if self.is_over or not self.has_started:
@@ -101,7 +100,7 @@ class RealTime(PlantCore):
         if self.is_paused or not self._runs:
             return self._repetition(now)
         since, tick = self._anchor
-        factor = self._values['real_time_factor']
+        factor = self._values[REAL_TIME_FACTOR.name]
         self._due = tick + int((now - since) * factor / period)
         behind = self._due - self.robot.tick
         if behind > 1:
@@ -129,11 +128,11 @@ class RealTime(PlantCore):
     @property
     def timer_period(self) -> float:
         """Control period in s, or a shorter time if the robot's time runs faster."""
-        return self._timing.period / max(1.0, self._values['real_time_factor'])
+        return self._timing.period / max(1.0, self._values[REAL_TIME_FACTOR.name])
 
     def on_parameters(self, changed: Collection[str], now: float) -> Actions:
         """Use the changed parameters, the real-time factor among them, from now on."""
-        if REAL_TIME_FACTOR in changed:
+        if REAL_TIME_FACTOR.name in changed:
             self._set_anchor(now)
         return super().on_parameters(changed, now)
 
@@ -169,7 +168,7 @@ class RealTime(PlantCore):
 
     def _held_command(self, now: float) -> tuple[Actions, Array | None]:
         """Return lines about old commands, and the command; None without one."""
-        timeout, lines = self._values['command_timeout'], NOTHING
+        timeout, lines = self._values[COMMAND_TIMEOUT.name], NOTHING
         # By topic, because the messages of one command arrive at different times.
         for topic in self.commands.drop_old(now, timeout):
             text = f'no command on {topic} for {timeout:g} s; the drives hold until one comes'

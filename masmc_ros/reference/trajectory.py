@@ -129,12 +129,14 @@ def _place(reference: object) -> str:
         return repr(reference)
 
 
+TYPE = Parameter(
+    'type', 'line_sine', 'Type of trajectory; its parameters are in its block', read_only=False
+)
+
+
 def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
     """Return the declarations of `type` and of the block of every type, for a mechanism."""
-    kind = Parameter(
-        'type', 'line_sine', 'Type of trajectory; its parameters are in its block',
-        choices=types(), read_only=False,
-    )  # fmt: skip
+    kind = replace(TYPE, choices=types())
     declared = (load(name).parameters for name in types())
     return (
         kind,
@@ -148,7 +150,7 @@ def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 def path_values(values: Values) -> Values:
     """Return the values that determine the path, among checked ones: type and its block."""
-    return {name: values[name] for name in _path_names(values['type'], tuple(values))}
+    return {name: values[name] for name in _path_names(TYPE.of(values), tuple(values))}
 
 
 # A campaign asks for each of its runs.
@@ -177,7 +179,7 @@ class Trajectory:
         Raises InputError if the trajectory is for other task axes than those of the robot, or if
         values contradict each other.
         """
-        kind = values['type']
+        kind = TYPE.of(values)
         block = f'{kind}.'
         chosen = load(kind)
         own = tuple(axis.name for axis in robot.mechanism.axes)

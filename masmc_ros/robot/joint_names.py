@@ -67,13 +67,13 @@ def joint_names_parameter(mechanism: Mechanism) -> Parameter:
     )
 
 
-PREFIX = (
-    Parameter(
-        'frame_prefix',
-        '',
-        'Prefix of the name of every frame, such as left/, if several robots are shown',
-    ),
+FRAME_PREFIX = Parameter(
+    'frame_prefix',
+    '',
+    'Prefix of the name of every frame, such as left/, if several robots are shown',
 )
+
+PREFIX = (FRAME_PREFIX,)
 """Parameter of every node that names frames."""
 
 

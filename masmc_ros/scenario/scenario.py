@@ -18,6 +18,7 @@ from masmc_ros.errors import InputError, suggestion
 from masmc_ros.log.read.reader import Run
 from masmc_ros.loop.controller_events import ACTIVATED, EVENTS
 from masmc_ros.loop.plant_parameters import PAYLOAD_MASS, PUSH
+from masmc_ros.loop.scenario import Scenario
 from masmc_ros.loop.tick_block import Change
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.topics import PARAMETER_NODES
@@ -60,12 +61,37 @@ _ABSENT = {'plant': {'torque_rate_limit': 0.0}}
 
 
 class Source(NamedTuple):
-    """Content of a parameter file, or that of the defaults of a URDF."""
+    """
+    Content of a parameter file, or that of the defaults of a URDF.
 
+    Attributes
+    ----------
+    path
+        Parameter file, or path or URI of a URDF.
+    settings
+        NAME=VALUE of the command line.
+    text
+        Content of the parameter file.
+    file
+        Its blocks.
+    defaults
+        Choices for the robot of a URDF; None for a parameter file.
+
+    """
+
+    path: str
+    settings: tuple[str, ...]
     text: bytes
     file: ParameterFile
     defaults: Defaults | None = None
-    """Choices for the robot of a URDF."""
+
+    def scenario(self) -> Scenario:
+        """Return the checked values; see `load_scenario`."""
+        return _loaded(self)
+
+    def strays(self) -> list[str]:
+        """Return a line for each block that applies to no node, and one for unknown names."""
+        return _strays(self)
 
 
 def source_of(path: str, settings: Iterable[str] = (), folder: str | None = None) -> Source:
@@ -87,13 +113,14 @@ def source_of(path: str, settings: Iterable[str] = (), folder: str | None = None
         If there is no such file, or no robot in it.
 
     """
+    settings = tuple(settings)
     is_uri = '://' in path
     data = content_of(str(resource_path(path)) if is_uri else path)
     if not is_urdf(data):
         if path.endswith(('.urdf', '.xacro', '.xml')):
             raise InputError(f'{path}: no XML in it; expected a URDF')
-        return Source(data, parsed(data, path))
-    return _of_urdf(path, tuple(settings), folder, data)
+        return Source(path, settings, data, parsed(data, path))
+    return _of_urdf(path, settings, folder, data)
 
 
 @lru_cache(maxsize=4)
@@ -112,10 +139,10 @@ def _of_urdf(
     of_file = os.path.dirname(path) if folder is None else folder
     value = urdf_value(path, of_file)
     text = parameter_text(value, stated, defaults).encode()
-    return Source(text, parsed(text, path), defaults)
+    return Source(path, settings, text, parsed(text, path), defaults)
 
 
-def load_scenario(path: str, settings: Iterable[str] = ()) -> dict[str, MutableValues]:
+def load_scenario(path: str, settings: Iterable[str] = ()) -> Scenario:
     """
     Read a parameter file as the nodes do; settings replace its values.
 
@@ -127,23 +154,22 @@ def load_scenario(path: str, settings: Iterable[str] = ()) -> dict[str, MutableV
         NAME=VALUE of the command line. NAME is NODE.parameter, or a shared parameter, which
         then applies to every node.
 
-    Returns
-    -------
-        Checked values by node name.
-
     Raises
     ------
     InputError
         If a node would reject a value.
 
     """
-    settings = tuple(settings)
-    file = source_of(path, settings).file
+    return source_of(path, settings).scenario()
+
+
+def _loaded(source: Source) -> Scenario:
+    path, settings, file = source.path, source.settings, source.file
     extra = _settings(settings, file.for_node('plant'))
     plant = {**file.for_node('plant'), **extra['plant']}
     # For every node: one that needs no robot skips the parameters of its mechanism.
     robot = _of_robot(dict(map(_parsed, settings)))
-    scenario = {}
+    nodes = {}
     for node in NODES:
         start = node_values((file,), robot | _of_robot(extra[node]), node)
         stated = with_posture(start.values, plant)
@@ -164,27 +190,27 @@ def load_scenario(path: str, settings: Iterable[str] = ()) -> dict[str, MutableV
             values['duration'] = _UNSTATED_DURATION
         if 'control_period' in values:
             _check_timing(values, path, node)
-        scenario[node] = values
+        nodes[node] = values
+    scenario = Scenario.of(nodes, path, settings)
     check_start(scenario, path)
     return scenario
 
 
-def lowest_limits(values: Mapping[str, Values]) -> Numbers:
+def lowest_limits(scenario: Scenario) -> Numbers:
     """Return the lower one of the torque limits of controller and plant; 0: no limit."""
-    pairs = zip(
-        values['controller']['torque_limit'], values['plant']['torque_limit'], strict=True
-    )
+    limits = scenario.controller['torque_limit'], scenario.plant['torque_limit']
+    pairs = zip(*limits, strict=True)
     return tuple(min(filter(None, pair), default=0.0) for pair in pairs)
 
 
-def activation(scenario: Mapping[str, Values]) -> list[Change]:
+def activation(scenario: Scenario) -> list[Change]:
     """Return the activation of a controller that is inactive at the start: no user enables it."""
-    return [] if scenario['controller']['active_on_start'] else [Change(0, {}, ACTIVATED)]
+    return [] if scenario.controller['active_on_start'] else [Change(0, {}, ACTIVATED)]
 
 
 def logged_scenario(
     run: Run, settings: Iterable[str] = ()
-) -> tuple[dict[str, MutableValues], list[Change]]:
+) -> tuple[Scenario, list[Change]]:
     """
     Return the parameters and changes of a run, with which it can be recomputed.
 
@@ -197,7 +223,7 @@ def logged_scenario(
 
     Returns
     -------
-        Checked values by node name, and the changes of controller and plant.
+        The scenario, and the changes of controller and plant.
 
     Raises
     ------
@@ -205,6 +231,7 @@ def logged_scenario(
         If the log lacks them, or has values that this version does not know.
 
     """
+    settings = tuple(settings)
     for node in PARAMETER_NODES:
         if node not in run.parameters:
             raise InputError(
@@ -217,16 +244,17 @@ def logged_scenario(
             ' run without a restart can be recomputed'
         )
     extra = _settings(settings, run.parameters['plant'])
-    scenario = {}
+    nodes = {}
     for node in NODES:
         logged = {**_ABSENT.get(node, {}), **run.parameters.get(node, {})}
         declarations = declared(node, mechanism_from({**logged, **extra[node]}))
         if 'duration' in logged and 'duration' not in extra[node]:
             logged['duration'] = _length(run)
         values = logged | _checked(declarations, extra[node])
-        scenario[node] = check_all(declarations, values, f'{run.path}: {node}: ')
+        nodes[node] = check_all(declarations, values, f'{run.path}: {node}: ')
+    scenario = Scenario.of(nodes, str(run.path), settings)
     check_start(scenario, run.path)
-    _check_length(run, Timing.from_values(scenario['plant']))
+    _check_length(run, Timing.from_values(scenario.plant))
     if run.reference is not None and np.isnan(run.reference[0]).any():
         has_path = ~np.isnan(run.reference).any(axis=1)
         when = f'at t = {run.times[np.argmax(has_path)]:g} s' if has_path.any() else 'never'
@@ -263,9 +291,9 @@ def _check_timing(values: MutableValues, path: str, node: str) -> None:
         raise InputError(f'{path}: {node}: {error}') from None
 
 
-def check_start(scenario: Mapping[str, Values], place: str | Path) -> None:
+def check_start(scenario: Scenario, place: str | Path) -> None:
     """Raise InputError if the path starts later than the robot."""
-    start = scenario['trajectory']['start_time']
+    start = scenario.trajectory['start_time']
     if start > 0.0:
         raise InputError(
             f'{place}: trajectory: start_time = {start}: a simulated path starts with the robot;'
@@ -280,7 +308,7 @@ def _changes(run: Run, without: Mapping[str, Values]) -> list[Change]:
         for node in ('controller', 'plant')
     }
     # The other changes of a plant are those of its pacing.
-    known['plant'] = {name: known['plant'][name] for name in (PAYLOAD_MASS, PUSH)}
+    known['plant'] = {name: known['plant'][name] for name in (PAYLOAD_MASS.name, PUSH.name)}
     changes = []
     for change in run.changes:
         node = change.node.rpartition('/')[2]
@@ -317,15 +345,9 @@ def _check_length(run: Run, timing: Timing) -> None:
         )
 
 
-def strays(path: str, settings: Iterable[str] = ()) -> list[str]:
-    """
-    Return a line for each block of a file that applies to no node, and one for unknown names.
-
-    `settings` as in `load_scenario`: the robot determines the known names.
-    """
-    settings = tuple(settings)
-    file = source_of(path, settings).file
-    robot = _of_robot(_settings(settings, file.for_node('plant'))['plant'])
+def _strays(source: Source) -> list[str]:
+    path, file = source.path, source.file
+    robot = _of_robot(_settings(source.settings, file.for_node('plant'))['plant'])
     blocks = [
         f"{path}:{block.line}: block '{block.pattern}' is for none of {', '.join(NODES)}"
         for block in file.unmatched(NODES)

@@ -84,7 +84,7 @@ def test_command_repeats_scenario_of_run() -> None:
         assert (command, file) == ('simulate', PAPER)
         assert set(options[::2]) == {'--set'}
         repeated = load_scenario(file, options[1::2])
-        assert {node: repeated[node] for node in run.scenario} == run.scenario
+        assert {node: repeated[node] for node in run.scenario.values} == run.scenario.values
 
 
 def test_command_ends_with_values_of_run_and_starts_active() -> None:

@@ -107,7 +107,8 @@ def test_compare_run_has_settings_of_law_and_trial() -> None:
         for trial in TRIALS
         for seed in range(2)
     ]
-    assert [run.scenario for run in runs] == [{n: e[n] for n in NODES} for e in expected]
+    for run, scenario in zip(runs, expected, strict=True):
+        assert run.scenario.values == {node: scenario[node] for node in NODES}
     assert list(again.runs(5, 4)) == runs[5:9]
     assert sum(count for _, count in again.parts(5)) == again.total == len(runs)
 

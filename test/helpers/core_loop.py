@@ -22,6 +22,7 @@ from masmc_ros.control.actions import (
 from masmc_ros.control.controller_core import ControllerCore
 from masmc_ros.control.layer_watch import LayerWatch
 from masmc_ros.loop.controller import Controller
+from masmc_ros.loop.scenario import Scenario
 from masmc_ros.loop.simulated_robot import plant_of
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.reference_window import ReferenceWindow
@@ -36,14 +37,15 @@ import numpy as np
 
 def node_values(
     shared: Mapping[str, Any] | None = None, **nodes: Mapping[str, Any]
-) -> dict[str, dict[str, Any]]:
-    """Return checked values of plant, trajectory and controller; real time by default."""
+) -> Scenario:
+    """Return a scenario of plant, trajectory and controller; real time by default."""
     values = {'pacing': 'realtime', **(shared or {})}
     mechanism = mechanism_from(values)
-    return {
+    checked = {
         name: check_all(declared(name, mechanism), {**values, **nodes.get(name, {})})
         for name in ('plant', 'trajectory', 'controller')
     }
+    return Scenario(**checked)
 
 
 class CoreLoop:
@@ -63,19 +65,19 @@ class CoreLoop:
 
     """
 
-    def __init__(self, values: Mapping[str, Mapping[str, Any]], *, ahead: float = 1.0) -> None:
-        """Initialise the loop from checked values by node; `ahead` s of reference are sent."""
-        control = values['controller']
+    def __init__(self, scenario: Scenario, *, ahead: float = 1.0) -> None:
+        """Initialise the loop of a scenario; `ahead` s of reference are sent."""
+        control = scenario.controller
         self.timing = Timing.from_values(control)
         self.period = self.timing.period
         self.controller = Controller(robot_of(control), self.period, control)
         approach = Approach(self.controller.robot, control['approach_speed'])
         layer = LayerWatch(self.controller)
         self.core = ControllerCore(self.controller, approach, layer, self.timing, control)
-        self.plant = plant_of(values['plant'], self.period)
+        self.plant = plant_of(scenario.plant, self.period)
         self.controller.set_stamp_age(self.plant.delay)
         self.trajectory = Trajectory(
-            values['trajectory'], self.period, robot_of(values['trajectory'])
+            scenario.trajectory, self.period, robot_of(scenario.trajectory)
         )
         self._ahead = max(1, round(ahead / self.period))
         self._sent = 0

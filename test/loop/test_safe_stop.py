@@ -14,7 +14,8 @@ from helpers.core_loop import CoreLoop, node_values
 from masmc_ros.errors import InputError
 from masmc_ros.jit.lanes import lane_of
 from masmc_ros.loop.controller import Controller
-from masmc_ros.loop.safe_stop import GRAVITY, HOLD, SafeStop, VOID
+from masmc_ros.loop.controller_parameters import GRAVITY, HOLD, VOID
+from masmc_ros.loop.safe_stop import SafeStop
 from masmc_ros.loop.simulated_robot import plant_of
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.scenario.scenario import load_scenario

@@ -34,7 +34,7 @@ def logged(tmp_path_factory: pytest.TempPathFactory) -> tuple[Run, Mapping[str, 
     words = [word for setting in settings for word in ('--set', setting)]
     assert main(['simulate', str(PAPER), '--output', str(log), *words]) == 0
     run = read_run(log)
-    assert logged_responses(run, run.parameters) is None
+    assert logged_responses(run, logged_scenario(run)[0]) is None
     run.parameters['controller']['pacing'] = 'realtime'
     return run, logged_scenario(run)[0]
 

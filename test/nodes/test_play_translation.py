@@ -190,8 +190,8 @@ def test_plots_compare_errors_before_and_after_change(server: PlayServer) -> Non
 
 
 def test_scene_torques_shown_along_joint_axes(server: PlayServer) -> None:
-    values = load_scenario(scenario_file('paper'))
-    shown = shown_robot(values)
+    scenario = load_scenario(scenario_file('paper'))
+    shown = shown_robot(scenario.values)
     assert shown is not None
     scene = RobotScene(server.scene, shown.robot, shown.description, print)
     disturbance = shown.disturbance(0.5)

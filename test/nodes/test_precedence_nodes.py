@@ -159,7 +159,7 @@ def test_parameters_any_way_composed_nodes_same_values(
     way: str, files: Mapping[str, Path], tmp_path: Path
 ) -> None:
     command = Started('composed', ['--ros-args', *arguments(way, files)])
-    expected = comparable(load_scenario(str(files['one file'])))
+    expected = comparable(load_scenario(str(files['one file'])).values)
     assert expected['controller']['torque_limit'] == [8.0, 8.0, 20.0, 10.0]
     assert expected['controller']['k_s2'] == [7.0] * 4
     assert comparable(values_of_nodes(tmp_path, [command])) == expected
@@ -171,7 +171,7 @@ def test_parameters_namespaced_processes_same_values(
 ) -> None:
     command = ['--ros-args', '-r', '__ns:=/left', *arguments(way, files)]
     active = values_of_nodes(tmp_path, [Started(node, command) for node in NODES], '/left')
-    assert comparable(active) == comparable(load_scenario(str(files['one file'])))
+    assert comparable(active) == comparable(load_scenario(str(files['one file'])).values)
 
 
 @pytest.mark.parametrize('composed', [pytest.param('true', marks=pytest.mark.slow), 'false'])
@@ -181,7 +181,8 @@ def test_parameters_launch_file_same_values(
 ) -> None:
     context = {'record': 'false', 'composed': composed, 'namespace': namespace}
     law, prefix = {'law': 'smc'}, f'/{namespace}' if namespace else ''
-    expected = comparable(load_scenario(str(files['paper in real time']), ['controller.law=smc']))
+    law_of_user = ['controller.law=smc']
+    expected = comparable(load_scenario(str(files['paper in real time']), law_of_user).values)
     # Without a file, and with a file whose values an argument replaces.
     by_default = launched(pacing='realtime', **law, **context)
     other = tmp_path / 'other.yaml'
@@ -209,7 +210,7 @@ def test_parameters_simulation_logs_same_values(
         for name, text in of_node.items():
             command += ['--set', f'{node}.{name}={text}']
     assert main([*command, '--set', 'duration=0.01']) == 0
-    expected = comparable(load_scenario(str(files['one file']), ['duration=0.01']))
+    expected = comparable(load_scenario(str(files['one file']), ['duration=0.01']).values)
     for of_node in expected.values():
         # A simulation has no late states.
         of_node.update({'pacing': 'lockstep'} if 'pacing' in of_node else {})

@@ -41,7 +41,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
         elif match := re.match(r'--- (masmc_ros/\S+)\n', block):
             _insert(site / match[1], block[match.end():])
         count += match is not None
-    assert count == 6
+    assert count == 7
     return site
 
 

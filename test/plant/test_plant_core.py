@@ -12,11 +12,12 @@ from typing import Any
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from masmc_ros.control.actions import Failure, Line, Wait
+from masmc_ros.loop.plant_parameters import MAX_REAL_TIME_FACTOR
 from masmc_ros.loop.simulated_robot import plant_of
 from masmc_ros.loop.timing import LATE_TICKS, Timing
 from masmc_ros.params.declaration import check_all
 from masmc_ros.plant.latest_command import CommandPart, Commands
-from masmc_ros.plant.lockstep import LockStep, MAX_REAL_TIME_FACTOR, PacedLockStep
+from masmc_ros.plant.lockstep import LockStep, PacedLockStep
 from masmc_ros.plant.plant_core import (
     Actions,
     AwaitCommand,
@@ -125,7 +126,7 @@ def test_lockstep_random_events_one_state_per_command(events: list[str]) -> None
 def test_lockstep_limited_never_faster_than_limit(
     waits: list[tuple[float, bool]], factor: float
 ) -> None:
-    core = core_of(PacedLockStep, changed={MAX_REAL_TIME_FACTOR: factor})
+    core = core_of(PacedLockStep, changed={MAX_REAL_TIME_FACTOR.name: factor})
     now = 0.0
     core.start(now)
     for wait, is_answered in waits:
@@ -139,7 +140,7 @@ def test_lockstep_limited_never_faster_than_limit(
 
 @pytest.mark.parametrize('factor', [1.0, 2.0])
 def test_lockstep_limited_fast_answers_keep_speed(factor: float) -> None:
-    core = core_of(PacedLockStep, changed={MAX_REAL_TIME_FACTOR: factor})
+    core = core_of(PacedLockStep, changed={MAX_REAL_TIME_FACTOR.name: factor})
     core.start(0.0)
     now = 0.0
     # Its timer is up to 30 ms late, and answers need 1 ms.
@@ -153,7 +154,7 @@ def test_lockstep_limited_fast_answers_keep_speed(factor: float) -> None:
 
 
 def test_lockstep_limited_slow_answers_slow_time_down() -> None:
-    core = core_of(PacedLockStep, changed={MAX_REAL_TIME_FACTOR: 1.0})
+    core = core_of(PacedLockStep, changed={MAX_REAL_TIME_FACTOR.name: 1.0})
     core.start(0.0)
     now = 0.0
     while now < 3.0:

@@ -15,11 +15,11 @@ from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.log.write.simulated import SimulationLog
 from masmc_ros.loop.plant_parameters import PAYLOAD_MASS, PUSH
+from masmc_ros.loop.scenario import Scenario
 from masmc_ros.loop.simulated_robot import plant_of
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.tick_block import Change
 from masmc_ros.loop.timing import Timing
-from masmc_ros.params.declaration import MutableValues
 from masmc_ros.plant.latest_command import CommandPart, Commands
 from masmc_ros.plant.lockstep import LockStep
 from masmc_ros.plant.plant_core import EndPush, Publish
@@ -30,18 +30,17 @@ import pytest
 
 PERIOD, TICKS, MASS = 0.002, 500, 2.0
 CHANGES = (
-    Change(100, {PUSH: (0.0, 0.0, 5.0, 0.0)}, node='plant'),
-    Change(200, {PUSH: (0.0,) * 4}, node='plant'),
+    Change(100, {PUSH.name: (0.0, 0.0, 5.0, 0.0)}, node='plant'),
+    Change(200, {PUSH.name: (0.0,) * 4}, node='plant'),
     Change(200, {'k_s1': (50.0,) * 4}),
-    Change(300, {PAYLOAD_MASS: MASS}, node='plant'),
+    Change(300, {PAYLOAD_MASS.name: MASS}, node='plant'),
 )
 
 
-def values_of(**plant: Any) -> dict[str, MutableValues]:
-    """Return checked values of a short run by node."""
+def values_of(**plant: Any) -> Scenario:
+    """Return the scenario of a short run."""
     shared = {'control_period': PERIOD, 'duration': TICKS * PERIOD, 'pacing': 'lockstep'}
-    values: dict[str, MutableValues] = node_values(shared, plant=plant)
-    return {**values, 'recorder': {'compression': 'zstd'}}
+    return node_values(shared, plant=plant).with_nodes({'recorder': {'compression': 'zstd'}})
 
 
 def states(simulation: Simulation) -> np.ndarray:
@@ -72,7 +71,7 @@ def test_changed_plant_recomputed_from_its_log(tmp_path: Path) -> None:
 
 
 def test_plant_of_nodes_changes_like_simulation() -> None:
-    values = values_of(**{PAYLOAD_MASS: 1.0, 'payload.time': 0.1})
+    values = values_of(**{PAYLOAD_MASS.name: 1.0, 'payload.time': 0.1})
     simulation = Simulation(values, CHANGES)
     blocks = list(simulation.run(170))
     torque = np.vstack([block.torque for block in blocks])
@@ -98,21 +97,21 @@ def test_core_ends_push_after_its_duration() -> None:
         return [type(a) for a in core.on_command(part, np.zeros(4), core.stamp, 0.0)]
 
     step()
-    values[PUSH] = (1.0, 0.0, 0.0, 0.0)
-    core.on_parameters((PUSH,), 0.0)
+    values[PUSH.name] = (1.0, 0.0, 0.0, 0.0)
+    core.on_parameters((PUSH.name,), 0.0)
     assert [step() for _ in range(4)] == [[Publish]] * 4
     assert step() == [Publish, EndPush]
-    values[PUSH] = (0.0,) * 4
-    core.on_parameters((PUSH,), 0.0)
+    values[PUSH.name] = (0.0,) * 4
+    core.on_parameters((PUSH.name,), 0.0)
     assert [step() for _ in range(5)] == [[Publish]] * 5
-    values[PUSH] = (1.0, 0.0, 0.0, 0.0)
-    core.on_parameters((PUSH,), 0.0)
+    values[PUSH.name] = (1.0, 0.0, 0.0, 0.0)
+    core.on_parameters((PUSH.name,), 0.0)
     assert [type(action) for action in core.on_reset(0.0)] == [EndPush, Publish]
 
 
 def test_push_at_start_rejected() -> None:
     with pytest.raises(InputError, match=r'push\.torque = \[1\.0, .* expected 0 at the start'):
-        Simulation(values_of(**{PUSH: (1.0, 0.0, 0.0, 0.0)}))
+        Simulation(values_of(**{PUSH.name: (1.0, 0.0, 0.0, 0.0)}))
 
 
 @pytest.mark.slow
@@ -121,14 +120,14 @@ def test_changed_plant_node_recomputed(
 ) -> None:
     with live_run(tmp_path, pacing='lockstep', **{'plant__push.duration': 0.1}) as run:
         run.wait_for_progress()
-        run.tester.change('plant', **{PUSH: [0.0, 0.0, 3.0, 0.0]})
+        run.tester.change('plant', **{PUSH.name: [0.0, 0.0, 3.0, 0.0]})
         run.wait_for_progress()
-        run.tester.change('plant', **{PAYLOAD_MASS: 0.5})
+        run.tester.change('plant', **{PAYLOAD_MASS.name: 0.5})
         run.wait_for_progress()
         run.end()
         log = run.log
     changes = [c for c in read_run(log).changes if c.node == '/plant']
-    assert [c.changed for c in changes] == [(PUSH,), (PUSH,), (PAYLOAD_MASS,)]
+    assert [c.changed for c in changes] == [(PUSH.name,), (PUSH.name,), (PAYLOAD_MASS.name,)]
     assert changes[1].tick - changes[0].tick == 50
     assert main(['simulate', str(log)]) == 0
     assert 'are bitwise identical' in capsys.readouterr().out.partition('recomputed: all')[2]

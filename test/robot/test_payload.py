@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from masmc_ros.errors import InputError
 from masmc_ros.robot.robot import Robot, robot_of
-from masmc_ros.robot.tree.tree_mechanism import PARAMETERS
+from masmc_ros.robot.tree.tree_parameters import PARAMETERS
 from masmc_ros.robot.two_link.paper_robot import TWO_LINK
 import numpy as np
 import pytest

@@ -29,6 +29,7 @@ from masmc_ros.errors import InputError
 from masmc_ros.optional import require_rclpy
 from masmc_ros.output_files import check_folder, make_folder, write_file
 from masmc_ros.report.aligned import WIDTH
+from masmc_ros.scenario.scenario import source_of
 from masmc_ros.share import scenario_file
 
 
@@ -87,7 +88,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Compute the runs of all laws in all trials, print the tables and write them."""
     file = scenario_file(options.file)
-    print_choices(file, options.set)
+    print_choices(source_of(file, options.set))
     with _controllers(options, file) as controllers:
         return _compare(options, file, controllers)
 
@@ -110,7 +111,7 @@ def _controllers(
     require_rclpy()
     from masmc_ros.nodes.topic_controller import topic_controller
 
-    robot = scenario_of(file, options.set)['plant']
+    robot = scenario_of(file, options.set).plant
     with topic_controller(name, robot) as controller:
         yield {**controllers, name: controller}
 

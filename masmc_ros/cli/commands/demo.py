@@ -18,6 +18,8 @@ from masmc_ros.cli.private_domain import private_domain
 from masmc_ros.cli.urdf_choices import print_choices
 from masmc_ros.errors import UserError
 from masmc_ros.law.reaching.implicit import IMPLICIT
+from masmc_ros.law.registry import SWITCHING_TERM
+from masmc_ros.loop.timing import DURATION
 from masmc_ros.optional import require_rclpy
 from masmc_ros.output_files import make_folder, write_file
 from masmc_ros.params.declaration import MutableValues
@@ -78,13 +80,13 @@ def run(options: argparse.Namespace) -> int:
     parameters = scenarios().get(options.robot) or Path(scenario_file(options.robot))
     source = source_of(str(parameters), folder=str(folder))
     if source.defaults is not None:
-        print_choices(str(parameters))
+        print_choices(source)
         parameters = folder / f'{parameters.stem}.yaml'
         write_file(parameters, source.text)
     simulated = options.robot if source.defaults is None else parameters
     scenario = load_scenario(str(parameters))
-    values, switching = scenario['plant'], scenario['controller']['switching']
-    duration = values['duration']
+    values, switching = scenario.plant, SWITCHING_TERM.of(scenario.controller)
+    duration = DURATION.of(values)
     start = _START if mechanism_from(values).name == DEFAULT.name else _FIRST_START
     logs = []
     for name, controller in RUNS.items():

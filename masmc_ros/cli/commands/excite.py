@@ -20,8 +20,7 @@ from masmc_ros.errors import InputError
 from masmc_ros.json_text import json_text
 from masmc_ros.output_files import check_absent
 from masmc_ros.report.aligned import aligned
-from masmc_ros.robot.mechanisms import mechanism_from
-from masmc_ros.scenario.scenario import load_scenario
+from masmc_ros.scenario.scenario import source_of
 from masmc_ros.share import scenario_file
 
 
@@ -53,8 +52,9 @@ def run(options: argparse.Namespace) -> int:
     if not options.amplitude > 0.0:
         raise InputError(f'--amplitude {options.amplitude:g}: expected a number > 0')
     file = scenario_file(options.file)
-    print_choices(file, options.set)
-    scenario = load_scenario(file, options.set)
+    source = source_of(file, options.set)
+    print_choices(source)
+    scenario = source.scenario()
     # Imported here: the compiler takes time.
     from masmc_ros.identification.exciting_file import write_exciting
 
@@ -66,7 +66,7 @@ def run(options: argparse.Namespace) -> int:
         amplitude=options.amplitude,
         seed=options.seed,
     )
-    joints = mechanism_from(scenario['plant']).joints
+    joints = scenario.mechanism.joints
     if options.json:
         motion = zip(joints, excitation.deviation, excitation.speed, strict=True)
         names = ('name', 'unit', 'largest_deviation', 'largest_speed')

@@ -68,7 +68,7 @@ def run(options: argparse.Namespace) -> int:
     if options.nominal is None:
         nominal = nominal_of_run(logged)
     else:
-        nominal = nominal_of(load_scenario(scenario_file(options.nominal))['controller'])
+        nominal = nominal_of(load_scenario(scenario_file(options.nominal)).controller)
     joints = logged.mechanism.joints
     if len(joints) != len(nominal.robot.mechanism.joints):
         raise InputError(

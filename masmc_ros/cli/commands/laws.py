@@ -17,6 +17,7 @@ from masmc_ros.law.law import Law
 from masmc_ros.loop.closed_loop import control_ticks
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulated_robot import SimulatedRobot
+from masmc_ros.loop.timing import CONTROL_PERIOD
 from masmc_ros.params.declaration import check_all
 from masmc_ros.report.aligned import WIDTH
 from masmc_ros.robot.robot import robot_of
@@ -74,8 +75,8 @@ def _cost(name: str) -> float:
     """Return the time in s of a tick of a law, compiled, the shortest of some series."""
     values = check_all(declared('controller'), {'law': name})
     robot = robot_of(values)
-    controller = Controller(robot, values['control_period'], values)
-    plant = SimulatedRobot(robot, values['control_period'], check_all(declared('plant'), {}))
+    controller = Controller(robot, CONTROL_PERIOD.of(values), values)
+    plant = SimulatedRobot(robot, CONTROL_PERIOD.of(values), check_all(declared('plant'), {}))
     position, velocity = plant.position, plant.velocity
     task = robot.task_positions(position[None])[0] + _AWAY
     reference = np.concatenate([task, *2 * [np.full(len(task), _AWAY)]])

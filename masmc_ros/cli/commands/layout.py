@@ -80,7 +80,7 @@ def robot_in(source: str) -> LoggedRobot:
                 f'{source}: no parameters of the plant or the controller, which describe the robot'
             )
         return LoggedRobot(run.mechanism, run.is_hybrid)
-    values = load_scenario(scenario_file(source))['plant']
+    values = load_scenario(scenario_file(source)).plant
     return LoggedRobot(mechanism_from(values), is_hybrid(values))
 
 

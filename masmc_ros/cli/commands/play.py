@@ -29,7 +29,6 @@ from masmc_ros.log.recover.overlap import check_apart
 from masmc_ros.log.write.writer import check_log_path
 from masmc_ros.optional import require_rclpy
 from masmc_ros.output_files import check_absent, write_file
-from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.scenario.scenario import load_scenario, readers, source_of
 from masmc_ros.share import scenario_file, shared_file
 
@@ -105,7 +104,7 @@ def run(options: argparse.Namespace) -> int:
         check_absent(Path(options.output), overwrite=options.overwrite)
     require_rclpy()
     settings = _node_settings(file, options.set)
-    print_choices(file, options.set)
+    print_choices(source_of(file, options.set))
     with TemporaryDirectory(prefix='masmc_play_') as name, private_domain() as domain:
         folder = Path(name)
         is_kept = options.output is not None
@@ -166,7 +165,7 @@ def _files(file: str, settings: Sequence[str], folder: Path) -> list[str]:
 def _node_settings(file: str, settings: Sequence[str]) -> list[str]:
     """Return settings of the command line as arguments of the nodes; InputError for bad ones."""
     scenario = load_scenario(file, settings)
-    mechanism = mechanism_from(scenario['plant'])
+    mechanism = scenario.mechanism
     arguments = []
     for setting in settings:
         name, _, text = setting.partition('=')

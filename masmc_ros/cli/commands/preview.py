@@ -32,7 +32,7 @@ from masmc_ros.report.draw.preview_figure import preview_figure
 from masmc_ros.report.draw.style import figure_file, FORMATS, paper_style
 from masmc_ros.report.measure.fastest_path import fastest_samples
 from masmc_ros.report.measure.path_preview import PathError, Preview, preview, sufficient_slowdown
-from masmc_ros.scenario.scenario import load_scenario
+from masmc_ros.scenario.scenario import source_of
 from masmc_ros.share import scenario_file
 import numpy as np
 
@@ -76,17 +76,18 @@ def run(options: argparse.Namespace) -> int:
     for path in filter(None, (picture, timed)):
         check_apart([path], [file])
         check_absent(path, overwrite=options.overwrite)
-    values = load_scenario(file, options.set)
-    print_choices(file, options.set)
+    source = source_of(file, options.set)
+    scenario = source.scenario()
+    print_choices(source)
     seen, slowdown = None, None
     with compile_notice('the preview'):
         try:
-            seen = preview(values)
+            seen = preview(scenario)
         except PathError as error:
             violations = [str(error)]
         else:
             violations = seen.violations()
-            slowdown = sufficient_slowdown(values, seen) if violations else None
+            slowdown = sufficient_slowdown(scenario, seen) if violations else None
     fastest = None
     if timed is not None and seen is not None:
         times, samples = fastest_samples(seen, options.acceleration)

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
 import math
 from pathlib import Path
 from textwrap import fill
@@ -16,13 +15,13 @@ from masmc_ros.cli.arguments import add_file, add_json, add_overwrite, add_setti
 from masmc_ros.cli.urdf_choices import choice_lines, choices_of
 from masmc_ros.errors import InputError
 from masmc_ros.json_text import json_text
+from masmc_ros.law.parts.command_limits import TORQUE_LIMIT
 from masmc_ros.log.recover.overlap import check_apart
+from masmc_ros.loop.plant_parameters import INITIAL_JOINTS, INITIAL_POSE
+from masmc_ros.loop.scenario import Scenario
 from masmc_ros.output_files import check_absent, write_file
-from masmc_ros.params.declaration import Values
 from masmc_ros.report.aligned import aligned, WIDTH
-from masmc_ros.robot.mechanisms import mechanism_from
-from masmc_ros.robot.robot import robot_of
-from masmc_ros.scenario.scenario import load_scenario, lowest_limits, source_of
+from masmc_ros.scenario.scenario import lowest_limits, source_of
 from masmc_ros.share import scenario_file
 import numpy as np
 
@@ -47,7 +46,7 @@ def run(options: argparse.Namespace) -> int:
     """Print joints, their limits and torques, the task, and its position at the start."""
     file = scenario_file(options.file)
     source = source_of(file, options.set)
-    robot = _robot(load_scenario(file, options.set))
+    robot = _robot(source.scenario())
     if options.write is not None:
         _write(Path(options.write), file, options)
     robot['choices'] = choices_of(source.defaults)
@@ -67,13 +66,13 @@ def _write(path: Path, file: str, options: argparse.Namespace) -> None:
     write_file(path, source.text)
 
 
-def _robot(values: Mapping[str, Values]) -> dict[str, Any]:
-    plant, control = values['plant'], values['controller']
-    mechanism, made = mechanism_from(plant), robot_of(plant)
-    position = np.array(made.start(plant['initial_pose'], plant['initial_joints']))
+def _robot(scenario: Scenario) -> dict[str, Any]:
+    plant, control = scenario.plant, scenario.controller
+    mechanism, made = scenario.mechanism, scenario.robot
+    position = np.array(made.start(INITIAL_POSE.of(plant), INITIAL_JOINTS.of(plant)))
     task = made.task_positions(position[None])[0]
     limits = mechanism.joint_limits
-    effort = control['torque_limit']
+    effort = TORQUE_LIMIT.of(control)
     start = position[-len(mechanism.joints):]
     at_end = mechanism.at_range_ends(start[None])[0]
     details = dict(mechanism.details(start))
@@ -111,7 +110,7 @@ def _robot(values: Mapping[str, Values]) -> dict[str, Any]:
         **details,
         'notes': mechanism.notes,
         'warnings': [
-            *mechanism.start_warnings(start, lowest_limits(values)), *_weak(joints)
+            *mechanism.start_warnings(start, lowest_limits(scenario)), *_weak(joints)
         ],
     }
 

@@ -25,12 +25,13 @@ from masmc_ros.errors import InputError
 from masmc_ros.json_text import json_text
 from masmc_ros.log.read.reader import is_log, read_run, Run
 from masmc_ros.log.recover.overlap import check_apart
+from masmc_ros.loop.plant_parameters import INITIAL_JOINTS
+from masmc_ros.loop.scenario import Scenario
 from masmc_ros.loop.signals import largest_slip
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.tick_block import Change
 from masmc_ros.loop.timed_simulation import TimedSimulation
 from masmc_ros.output_files import check_absent
-from masmc_ros.params.declaration import Values
 from masmc_ros.reference.sampled_trajectory import SampledTrajectory
 from masmc_ros.report.aligned import WIDTH
 from masmc_ros.report.measure.chatter import chatter_notes
@@ -40,12 +41,10 @@ from masmc_ros.report.measure.recomputed import logged_responses, Recomputed
 from masmc_ros.report.measure.table import json_table, text_table
 from masmc_ros.scenario.scenario import (
     activation,
-    load_scenario,
     logged_scenario,
     logged_trajectory,
     lowest_limits,
     source_of,
-    strays,
 )
 from masmc_ros.share import scenario_file, scenarios
 import numpy as np
@@ -58,7 +57,7 @@ _PROGRESS_FROM = 200_000
 class _Source(NamedTuple):
     """Run to compute, and the logged run to compare it with, if there is one."""
 
-    values: Values
+    scenario: Scenario
     changes: Sequence[Change]
     files: Mapping[str, bytes]
     run: Run | None = None
@@ -107,14 +106,14 @@ def run(options: argparse.Namespace) -> int:
     if path is not None:
         _check_output(path, options.file, overwrite=options.overwrite)
     source = _source(options.file, options.set)
-    responses = None if source.run is None else logged_responses(source.run, source.values)
+    responses = None if source.run is None else logged_responses(source.run, source.scenario)
     if responses is None:
-        simulation = Simulation(source.values, source.changes, source.samples)
+        simulation = Simulation(source.scenario, source.changes, source.samples)
     else:
-        simulation = TimedSimulation(source.values, source.changes, source.samples, responses)
+        simulation = TimedSimulation(source.scenario, source.changes, source.samples, responses)
     mechanism = simulation.plant.mechanism
-    limits = np.array(lowest_limits(source.values))
-    start = np.array(source.values['plant']['initial_joints'])
+    limits = np.array(lowest_limits(source.scenario))
+    start = np.array(INITIAL_JOINTS.of(source.scenario.plant))
     for note in (*mechanism.notes, *mechanism.start_warnings(start, limits.tolist())):
         print(f'warning: {note}', file=sys.stderr)
     if simulation.trajectory.note:
@@ -123,7 +122,7 @@ def run(options: argparse.Namespace) -> int:
         # Imported here: a run without a log does not need the packages that write MCAP.
         from masmc_ros.log.write.simulated import SimulationLog
 
-        log = SimulationLog(path, simulation, source.values, source.files)
+        log = SimulationLog(path, simulation, source.scenario, source.files)
     ticks = (simulation.timing.last or 0) + 1
     comparison = None if source.run is None else Recomputed(source.run, responses)
     errors: list[Array] = []
@@ -135,7 +134,7 @@ def run(options: argparse.Namespace) -> int:
     course = Course(mechanism, limits, ticks, simulation.timing.period)
     ends = np.zeros(len(mechanism.joints), dtype=np.bool_)
     progress = tqdm(total=ticks, unit='tick', disable=None if ticks > _PROGRESS_FROM else True)
-    label = law_label(source.values['controller'])
+    label = law_label(source.scenario.controller)
     notice = compile_notice(f'{label} for {mechanism.name}')
     with log as writer, progress, notice:
         for block in simulation.run():
@@ -171,7 +170,7 @@ def run(options: argparse.Namespace) -> int:
         label = f'{label}, changed'
     metrics = {label: samples.metrics()}
     chatter = chatter_notes(
-        samples.torque, samples.torques(), source.values, mechanism.joints
+        samples.torque, samples.torques(), source.scenario.values, mechanism.joints
     )
     has_contact = len(simulation.plant.contact) > 0
     limited = simulation.controller.limited_ticks
@@ -264,9 +263,10 @@ def _source(file: str, settings: Sequence[str]) -> _Source:
         samples = logged_trajectory(logged, settings)
         return _Source(*logged_scenario(logged, settings), logged.attachments, logged, samples)
     file = scenario_file(file)
-    source, values = source_of(file, settings), load_scenario(file, settings)
-    print_choices(file, settings)
-    for line in strays(file, settings):
+    source = source_of(file, settings)
+    scenario = source.scenario()
+    print_choices(source)
+    for line in source.strays():
         print(line, file=sys.stderr)
     name = file if source.defaults is None else str(Path(file).with_suffix('.yaml'))
-    return _Source(values, activation(values), {name: source.text})
+    return _Source(scenario, activation(scenario), {name: source.text})

@@ -12,7 +12,6 @@ import io
 import math
 from pathlib import Path
 
-from masmc_ros.api.scenario import Scenario
 from masmc_ros.api.tuning import search
 from masmc_ros.campaign.summary import label
 from masmc_ros.campaign.tune import Candidate, FORM, Tuning
@@ -35,6 +34,7 @@ from masmc_ros.report.aligned import aligned, WIDTH
 from masmc_ros.report.draw.campaign_figures import front_figure
 from masmc_ros.report.draw.style import figure_file, paper_style
 from masmc_ros.report.measure.table import Column, number
+from masmc_ros.scenario.scenario import source_of
 from masmc_ros.share import scenario_file
 import numpy as np
 
@@ -95,9 +95,10 @@ def run(options: argparse.Namespace) -> int:
     folder = Path(options.output)
     check_folder(folder)
     file = scenario_file(options.file)
-    print_choices(file, options.set)
+    source = source_of(file, options.set)
+    print_choices(source)
     tuned = search(
-        Scenario(file, tuple(options.set)),
+        source.scenario(),
         options.tune,
         options.draw,
         runs=options.runs,

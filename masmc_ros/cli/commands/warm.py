@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -18,13 +18,14 @@ from masmc_ros.identification.effort_echo import compile_echo
 from masmc_ros.jit.record import AT_RUN_TIME
 from masmc_ros.json_text import json_text
 from masmc_ros.law import registry
+from masmc_ros.law.registry import LAW
 from masmc_ros.loop.law_code import code_for
+from masmc_ros.loop.scenario import Scenario
 from masmc_ros.loop.simulated_robot import plant_of
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.params.declaration import Values
+from masmc_ros.loop.timing import CONTROL_PERIOD
 from masmc_ros.reference.joined import load_code
 from masmc_ros.report.measure.labels import law_label
-from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.scenario.scenario import load_scenario
 from masmc_ros.share import scenario_file
@@ -64,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Compile the code of each law, and print the time that this took."""
     file = scenario_file(options.file or 'paper')
-    values = load_scenario(file, options.set)
+    scenario = load_scenario(file, options.set)
     def warm(file: str, settings: Sequence[str]) -> None:
         row = _warm(file, settings)
         rows.append(row)
@@ -74,7 +75,7 @@ def run(options: argparse.Namespace) -> int:
             print(f'{row["law"]} for {row["robot"]}: {state}')
 
     rows: list[dict[str, Any]] = []
-    for law in _laws(options.laws, values['controller']['law']):
+    for law in _laws(options.laws, LAW.of(scenario.controller)):
         warm(file, [*options.set, f'controller.law={law}'])
     if options.file is None and options.laws is None and not options.set:
         with TemporaryDirectory() as folder:
@@ -88,14 +89,14 @@ def run(options: argparse.Namespace) -> int:
 
 def _warm(file: str, settings: Sequence[str]) -> dict[str, Any]:
     """Load or compile the code of a parameter file with settings; return its description."""
-    values = load_scenario(file, settings)
-    duration = _TICKS * values['plant']['control_period']
-    values = load_scenario(file, [*settings, f'duration={duration}'])
-    mechanism = mechanism_from(values['plant'])
+    scenario = load_scenario(file, settings)
+    duration = _TICKS * CONTROL_PERIOD.of(scenario.plant)
+    scenario = load_scenario(file, [*settings, f'duration={duration}'])
+    mechanism = scenario.mechanism
     robot = 'robots of URDFs' if AT_RUN_TIME in mechanism.sizes else mechanism.name
-    law = law_label(values['controller'])
+    law = law_label(scenario.controller)
     with compile_notice(f'{law} for {robot}') as watch:
-        _load(values)
+        _load(scenario)
     return {'law': law, 'robot': robot, 'compile_time': watch.total}
 
 
@@ -110,12 +111,12 @@ def _laws(chosen: str | None, of_file: str) -> tuple[str, ...]:
     return names
 
 
-def _load(values: Mapping[str, Values]) -> None:
+def _load(scenario: Scenario) -> None:
     """Load all kernels of a simulation and of the nodes, or compile them."""
-    for _ in Simulation(values).run():
+    for _ in Simulation(scenario).run():
         pass
-    plant = plant_of(values['plant'], values['plant']['control_period'])
+    plant = plant_of(scenario.plant, CONTROL_PERIOD.of(scenario.plant))
     plant.compile()
     compile_echo()
-    code_for(plant.mechanism, values['controller']).load()
-    load_code(robot_of(values['trajectory']))
+    code_for(plant.mechanism, scenario.controller).load()
+    load_code(robot_of(scenario.trajectory))

@@ -47,55 +47,62 @@ GAMMA = PerEntry(
 REACHING_FORCE = Field('reaching', 'axes', 'Reaching force u of the last tick', 'N')
 """Memory of every law that adapts by this module."""
 
-PARAMETERS = (
-    Parameter(
-        'leakage',
-        0.02,
-        'Rate at which theta_hat returns to the nominal model (sigma-modification); 0: no leakage',
-        unit='1/s',
-        minimum=0.0,
-        read_only=False,
-    ),
-    Parameter(
-        'e_modification',
-        0.0,
-        'Leakage in proportion to |s| outside the dead zone; 0: no leakage',
-        unit='1/m',
-        minimum=0.0,
-        read_only=False,
-    ),
-    Parameter(
-        'dead_zone',
-        0.0,
-        'Norm |s| below which the adaptation stops; 0: no dead zone',
-        unit='m/s',
-        minimum=0.0,
-        read_only=False,
-    ),
-    Parameter(
-        'projection.lower',
-        0.2,
-        'Lower bound of theta_hat as a multiple of the nominal model; 0: no projection',
-        minimum=0.0,
-        maximum=1.0,
-        exclusive_maximum=True,
-        read_only=False,
-    ),
-    Parameter(
-        'projection.upper',
-        5.0,
-        'Upper bound of theta_hat as a multiple of the nominal model, with projection',
-        minimum=1.0,
-        exclusive_minimum=True,
-        read_only=False,
-    ),
-    Parameter(
-        'freeze_when_saturated',
-        True,
-        'Stop the adaptation while torque_limit or torque_rate_limit limits the torque',
-        read_only=False,
-    ),
+LEAKAGE = Parameter(
+    'leakage',
+    0.02,
+    'Rate at which theta_hat returns to the nominal model (sigma-modification); 0: no leakage',
+    unit='1/s',
+    minimum=0.0,
+    read_only=False,
 )
+
+E_MODIFICATION = Parameter(
+    'e_modification',
+    0.0,
+    'Leakage in proportion to |s| outside the dead zone; 0: no leakage',
+    unit='1/m',
+    minimum=0.0,
+    read_only=False,
+)
+
+DEAD_ZONE = Parameter(
+    'dead_zone',
+    0.0,
+    'Norm |s| below which the adaptation stops; 0: no dead zone',
+    unit='m/s',
+    minimum=0.0,
+    read_only=False,
+)
+
+PROJECTION_LOWER = Parameter(
+    'projection.lower',
+    0.2,
+    'Lower bound of theta_hat as a multiple of the nominal model; 0: no projection',
+    minimum=0.0,
+    maximum=1.0,
+    exclusive_maximum=True,
+    read_only=False,
+)
+
+PROJECTION_UPPER = Parameter(
+    'projection.upper',
+    5.0,
+    'Upper bound of theta_hat as a multiple of the nominal model, with projection',
+    minimum=1.0,
+    exclusive_minimum=True,
+    read_only=False,
+)
+
+FREEZE_WHEN_SATURATED = Parameter(
+    'freeze_when_saturated',
+    True,
+    'Stop the adaptation while torque_limit or torque_rate_limit limits the torque',
+    read_only=False,
+)
+
+PARAMETERS = (
+    LEAKAGE, E_MODIFICATION, DEAD_ZONE, PROJECTION_LOWER, PROJECTION_UPPER, FREEZE_WHEN_SATURATED,
+)  # fmt: skip
 """Settings that keep the adaptation of any law bounded."""
 
 

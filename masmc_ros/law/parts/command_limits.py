@@ -12,24 +12,25 @@ from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.fields import Settings
 from masmc_ros.numerics.limits import limited
 
-PARAMETERS = (
-    PerEntry(
-        'torque_limit',
-        'joints',
-        'torque_limit',
-        'Limit of the commanded torque',
-        'N·m',
-        note='; 0: no limit',
-    ),
-    PerEntry(
-        'torque_rate_limit',
-        'joints',
-        'torque_rate_limit',
-        'Limit of the rate of the commanded torque',
-        'N·m/s',
-        note='; 0: no limit',
-    ),
+TORQUE_LIMIT = PerEntry(
+    'torque_limit',
+    'joints',
+    'torque_limit',
+    'Limit of the commanded torque',
+    'N·m',
+    note='; 0: no limit',
 )
+
+TORQUE_RATE_LIMIT = PerEntry(
+    'torque_rate_limit',
+    'joints',
+    'torque_rate_limit',
+    'Limit of the rate of the commanded torque',
+    'N·m/s',
+    note='; 0: no limit',
+)
+
+PARAMETERS = (TORQUE_LIMIT, TORQUE_RATE_LIMIT)
 
 
 @formula

@@ -16,55 +16,59 @@ LONGEST = 0.1
 HISTORY = 128
 """Stored commands; a power of two. Latency is limited to two periods less."""
 
-PARAMETERS = (
-    Parameter(
-        'latency',
-        0.0,
-        'Time from the measurement of a state to the first effect of its torque; 0: no '
-        'compensation',
-        unit='s',
-        minimum=0.0,
-        maximum=LONGEST,
-        read_only=False,
-    ),
-    Parameter(
-        'motor_lag',
-        0.0,
-        'Time constant of the torques of the motors',
-        unit='s',
-        minimum=0.0,
-        maximum=LONGEST,
-        read_only=False,
-    ),
-    Parameter(
-        'compensation.horizon',
-        0.0,
-        'Time h in which the implicit law reaches the surface, with latency; 0: 1.1 times '
-        'the latency and a quarter of motor_lag, plus a period, but at most 1.5 times',
-        unit='s',
-        minimum=0.0,
-        read_only=False,
-    ),
-    Parameter(
-        'compensation.gain',
-        0.0,
-        'Gain beta of the disturbance estimate with latency; 0: the period divided by the latency '
-        'plus a quarter of motor_lag, at most 1/4. Another value enables the estimate without '
-        'latency',
-        minimum=0.0,
-        maximum=1.0,
-        read_only=False,
-    ),
-    Parameter(
-        'compensation.slope',
-        0.0,
-        'Gain beta_2 of the slope of the disturbance estimate, as a multiple of beta squared; 0: '
-        '0.25 plus 0.05 periods divided by the latency, at most 0.3',
-        minimum=0.0,
-        maximum=1.0,
-        read_only=False,
-    ),
+LATENCY = Parameter(
+    'latency',
+    0.0,
+    'Time from the measurement of a state to the first effect of its torque; 0: no '
+    'compensation',
+    unit='s',
+    minimum=0.0,
+    maximum=LONGEST,
+    read_only=False,
 )
+
+MOTOR_LAG = Parameter(
+    'motor_lag',
+    0.0,
+    'Time constant of the torques of the motors',
+    unit='s',
+    minimum=0.0,
+    maximum=LONGEST,
+    read_only=False,
+)
+
+HORIZON = Parameter(
+    'compensation.horizon',
+    0.0,
+    'Time h in which the implicit law reaches the surface, with latency; 0: 1.1 times '
+    'the latency and a quarter of motor_lag, plus a period, but at most 1.5 times',
+    unit='s',
+    minimum=0.0,
+    read_only=False,
+)
+
+GAIN = Parameter(
+    'compensation.gain',
+    0.0,
+    'Gain beta of the disturbance estimate with latency; 0: the period divided by the latency '
+    'plus a quarter of motor_lag, at most 1/4. Another value enables the estimate without '
+    'latency',
+    minimum=0.0,
+    maximum=1.0,
+    read_only=False,
+)
+
+SLOPE = Parameter(
+    'compensation.slope',
+    0.0,
+    'Gain beta_2 of the slope of the disturbance estimate, as a multiple of beta squared; 0: '
+    '0.25 plus 0.05 periods divided by the latency, at most 0.3',
+    minimum=0.0,
+    maximum=1.0,
+    read_only=False,
+)
+
+PARAMETERS = (LATENCY, MOTOR_LAG, HORIZON, GAIN, SLOPE)
 
 SETTINGS = (
     Field('stamp_age', description='Time from the measurement of a state to its stamp', unit='s'),
@@ -119,7 +123,7 @@ class CompensationMemory(Memory):
     later: float
 
 
-ENABLING = ('latency', 'motor_lag', 'compensation.gain')
+ENABLING = (LATENCY.name, MOTOR_LAG.name, GAIN.name)
 """Parameters that enable the compensation if one of them is not zero."""
 
 

@@ -26,49 +26,52 @@ def _is_inertia(moments: Numbers) -> bool:
     return smallest >= -_ROUNDED * (moments[0] + moments[1] + moments[2])
 
 
-PARAMETERS = (
-    Parameter(
-        'model_scale',
-        0.5,
-        'Nominal model, and initial theta_hat, as a multiple of the robot parameters',
-        minimum=0.0,
-        exclusive_minimum=True,
-    ),
-    Parameter(
-        'payload.mass',
-        0.0,
-        'Announced mass of a payload at the tip, part of the nominal model and of theta_hat',
-        unit='kg',
-        minimum=0.0,
-        maximum=1000.0,
-        read_only=False,
-    ),
-    Parameter(
-        'payload.com',
-        (0.0, 0.0, 0.0),
-        'Centre of mass of the payload in the frame of the tip',
-        unit='m',
-        length=3,
-        minimum=-10.0,
-        maximum=10.0,
-        read_only=False,
-    ),
-    Parameter(
-        'payload.inertia',
-        (0.0,) * 6,
-        'Moments of inertia xx, yy, zz, xy, yz, zx of the payload about its centre of mass, in '
-        'the directions of the frame of the tip',
-        unit='kg·m²',
-        length=6,
-        minimum=-1000.0,
-        maximum=1000.0,
-        read_only=False,
-        rule=_is_inertia,
-        rule_text='6 moments of inertia of a body',
-    ),
+MODEL_SCALE = Parameter(
+    'model_scale',
+    0.5,
+    'Nominal model, and initial theta_hat, as a multiple of the robot parameters',
+    minimum=0.0,
+    exclusive_minimum=True,
 )
 
-PAYLOAD = ('payload.mass', 'payload.com', 'payload.inertia')
+PAYLOAD_MASS = Parameter(
+    'payload.mass',
+    0.0,
+    'Announced mass of a payload at the tip, part of the nominal model and of theta_hat',
+    unit='kg',
+    minimum=0.0,
+    maximum=1000.0,
+    read_only=False,
+)
+
+PAYLOAD_COM: Parameter[Numbers] = Parameter(
+    'payload.com',
+    (0.0, 0.0, 0.0),
+    'Centre of mass of the payload in the frame of the tip',
+    unit='m',
+    length=3,
+    minimum=-10.0,
+    maximum=10.0,
+    read_only=False,
+)
+
+PAYLOAD_INERTIA = Parameter(
+    'payload.inertia',
+    (0.0,) * 6,
+    'Moments of inertia xx, yy, zz, xy, yz, zx of the payload about its centre of mass, in '
+    'the directions of the frame of the tip',
+    unit='kg·m²',
+    length=6,
+    minimum=-1000.0,
+    maximum=1000.0,
+    read_only=False,
+    rule=_is_inertia,
+    rule_text='6 moments of inertia of a body',
+)
+
+PARAMETERS = (MODEL_SCALE, PAYLOAD_MASS, PAYLOAD_COM, PAYLOAD_INERTIA)
+
+PAYLOAD = (PAYLOAD_MASS.name, PAYLOAD_COM.name, PAYLOAD_INERTIA.name)
 """Parameters of the announced payload."""
 
 ESTIMATE = Field('estimate', 'parameters', 'theta_hat of the next tick')

@@ -26,23 +26,24 @@ SOURCES = ('measured', 'estimated')
 
 MEASURED, ESTIMATED = range(len(SOURCES))
 
-PARAMETERS = (
-    Parameter(
-        'velocity_source',
-        'measured',
-        'measured: joint velocities of joint_states; estimated: estimates from the joint angles',
-        choices=SOURCES,
-        read_only=False,
-    ),
-    Parameter(
-        'estimator_bandwidth',
-        0.0,
-        'Bandwidth of the velocity estimator; 0: 1000, with compensation of latency 200',
-        unit='rad/s',
-        minimum=0.0,
-        read_only=False,
-    ),
+VELOCITY_SOURCE = Parameter(
+    'velocity_source',
+    'measured',
+    'measured: joint velocities of joint_states; estimated: estimates from the joint angles',
+    choices=SOURCES,
+    read_only=False,
 )
+
+ESTIMATOR_BANDWIDTH = Parameter(
+    'estimator_bandwidth',
+    0.0,
+    'Bandwidth of the velocity estimator; 0: 1000, with compensation of latency 200',
+    unit='rad/s',
+    minimum=0.0,
+    read_only=False,
+)
+
+PARAMETERS = (VELOCITY_SOURCE, ESTIMATOR_BANDWIDTH)
 
 BANDWIDTH = 1000.0
 """Default bandwidth in rad/s without compensation of latency."""

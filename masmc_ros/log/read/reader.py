@@ -24,6 +24,7 @@ from masmc_ros.log.read.parameter_history import parameter_history
 from masmc_ros.log.read.platform_motion import twists, with_platform_pose
 from masmc_ros.log.read.timeline import last_pass_in_order, PassStart, sample_reference
 from masmc_ros.loop.signals import CONTACT, PUBLISHED, Signal
+from masmc_ros.loop.timing import PACING
 from masmc_ros.messages import names as message_names
 from masmc_ros.messages.cdr_layout import NANOSECONDS
 from masmc_ros.messages.commands import ARM_VELOCITY, EFFORT
@@ -379,7 +380,7 @@ def _contact(topic: Topic | None, pass_start: PassStart) -> decode.Series | None
 
 def _gap_ns(start: Mapping[str, MutableValues]) -> int | None:
     """Return the maximum gap of states in real time, in ns; None: an older state is a reset."""
-    if _REAL_TIME in (values.get('pacing') for values in start.values()):
+    if _REAL_TIME in (values.get(PACING.name) for values in start.values()):
         with suppress(KeyError, TypeError, ValueError, OverflowError):
             return round(1e9 * state_timeout(start.get('controller', {})))
     return None

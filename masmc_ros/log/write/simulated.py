@@ -10,14 +10,19 @@ from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
+from masmc_ros.law.command_interface import ENABLE_STAMPED_CMD_VEL
 from masmc_ros.log.mcap.chunks import ChannelRows
 from masmc_ros.log.offered_qos import Qos
+from masmc_ros.log.recorder_parameters import COMPRESSION
 from masmc_ros.log.traced_paths import ActualPath, DesiredPath
 from masmc_ros.log.write.provenance import write_origin, write_parameters
 from masmc_ros.log.write.writer import LogWriter
+from masmc_ros.loop.controller_parameters import POSE_FRAME, TELEMETRY_DECIMATION
+from masmc_ros.loop.scenario import Scenario
 from masmc_ros.loop.signals import PUBLISHED
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.tick_block import Change, TickBlock
+from masmc_ros.loop.trajectory_parameters import WINDOW
 from masmc_ros.messages import names as message_names
 from masmc_ros.messages import platform_messages, topics
 from masmc_ros.messages.cdr_layout import Messages
@@ -28,8 +33,7 @@ from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.messages.std_msgs import string_message
 from masmc_ros.messages.telemetry import telemetry_messages
 from masmc_ros.messages.transforms import transforms_messages
-from masmc_ros.params.declaration import Values
-from masmc_ros.robot.joint_names import check_frame_prefix, joint_names
+from masmc_ros.robot.joint_names import check_frame_prefix, FRAME_PREFIX, joint_names
 from masmc_ros.robot.robot import robot_description, robot_of
 import numpy as np
 from numpy.typing import NDArray
@@ -54,7 +58,7 @@ class SimulationLog:
     """
 
     def __init__(
-        self, path: Path, simulation: Simulation, values: Mapping[str, Values],
+        self, path: Path, simulation: Simulation, scenario: Scenario,
         files: Mapping[str, bytes],
     ) -> None:
         """
@@ -66,37 +70,35 @@ class SimulationLog:
             the file.
         simulation
             the run.
-        values
-            parameters of the run by node.
+        scenario
+            parameters of the run.
         files
             parameter files by name.
 
         """
         self._simulation = simulation
         # No state was late, so the log is one of a run in lock-step.
-        self._values = {
+        self._scenario = scenario.with_nodes({
             node: {**own, 'pacing': 'lockstep'} if 'pacing' in own else own
-            for node, own in values.items()
-        }
+            for node, own in scenario.values.items()
+        })
         self._changes: list[ParameterRecord] = []
-        plant, controller, trajectory = (
-            values[node] for node in ('plant', 'controller', 'trajectory')
-        )
+        plant, controller, trajectory = scenario.plant, scenario.controller, scenario.trajectory
         self._robot = robot_of(plant)
         self._mechanism = self._robot.mechanism
-        self._prefix = check_frame_prefix(plant['frame_prefix'])
+        self._prefix = check_frame_prefix(FRAME_PREFIX.of(plant))
         self._joints = joint_names(plant)
         self._description = robot_description(plant, self._prefix)
         self._files = {**files, 'robot.urdf': self._description.encode()}
         self._actual = ActualPath(simulation.timing, self._robot, self._prefix)
-        prefix = check_frame_prefix(trajectory['frame_prefix'])
+        prefix = check_frame_prefix(FRAME_PREFIX.of(trajectory))
         desired = DesiredPath(
-            simulation.timing, robot_of(trajectory), prefix, trajectory['pose_frame']
+            simulation.timing, robot_of(trajectory), prefix, POSE_FRAME.of(trajectory)
         )
         self._desired = desired.whole(simulation.trajectory)
-        self._writer = LogWriter(path, compression=values['recorder']['compression'])
-        self._is_stamped: bool = controller['enable_stamped_cmd_vel']
-        self._command_prefix = check_frame_prefix(controller['frame_prefix'])
+        self._writer = LogWriter(path, compression=COMPRESSION.of(scenario['recorder']))
+        self._is_stamped = ENABLE_STAMPED_CMD_VEL.of(controller)
+        self._command_prefix = check_frame_prefix(FRAME_PREFIX.of(controller))
         types = {topic.name: topic.type_name for topic in topics.TOPICS}
         latched = {topic.name for topic in topics.TOPICS if topic.is_latched}
         if self._is_stamped:
@@ -127,7 +129,7 @@ class SimulationLog:
         self._writer.__enter__()
         write_origin(self._writer, self._files)
         for node in topics.PARAMETER_NODES:
-            self._write_record(ParameterRecord(f'/{node}', 0, 0, dict(self._values[node]), ()))
+            self._write_record(ParameterRecord(f'/{node}', 0, 0, dict(self._scenario[node]), ()))
         urdf = string_message(self._description)
         self._writer.write(self._channels[message_names.DESCRIPTION_TOPIC], 0, urdf)
         if self._desired is not None:
@@ -138,7 +140,7 @@ class SimulationLog:
     def __exit__(self, _: object, error: BaseException | None, traceback: object) -> None:
         """Complete the file, or remove it after an exception."""
         if error is None:
-            parameters = {node: self._values[node] for node in topics.PARAMETER_NODES}
+            parameters = {node: self._scenario[node] for node in topics.PARAMETER_NODES}
             write_parameters(self._writer, parameters, self._changes)
         self._writer.__exit__(_, error, traceback)
 
@@ -167,7 +169,7 @@ class SimulationLog:
 
     def _write_change(self, change: Change) -> None:
         """Write a change of a node at its first tick."""
-        node, values = f'/{change.node}', self._values[change.node]
+        node, values = f'/{change.node}', self._scenario[change.node]
         before = (past.parameters for past in reversed(self._changes) if past.node == node)
         stamp, changed = self._simulation.timing.stamp(change.tick), tuple(change.values)
         record = ParameterRecord(
@@ -222,7 +224,7 @@ class SimulationLog:
             yield message_names.ARM_VELOCITY_TOPIC, stamps[group.indices], group.messages
 
     def _telemetry(self, block: _Block) -> Iterator[_Rows]:
-        decimation = self._values['controller']['telemetry_decimation']
+        decimation = TELEMETRY_DECIMATION.of(self._scenario.controller)
         if decimation:
             rows = (block.ticks % decimation == 0) & block.tick_block.active
             stamps = block.stamps[rows]
@@ -269,7 +271,7 @@ class SimulationLog:
 
     def _rows(self, block: _Block, topic: str) -> NDArray[np.intp]:
         """Return the ticks of a decimated topic of the plant: multiples, and the last one."""
-        decimation = self._values['plant'][f'{topic}_decimation']
+        decimation = self._scenario.plant[f'{topic}_decimation']
         if not decimation:
             return np.zeros(0, np.intp)
         is_last = block.ticks == self._simulation.timing.last
@@ -278,7 +280,7 @@ class SimulationLog:
     def _reference(self, block: _Block) -> Iterator[_Rows]:
         """Yield the samples in windows, each at its own first stamp."""
         stamps, period = block.stamps, self._simulation.timing.period
-        length = max(2, round(self._values['trajectory']['window'] / period))
+        length = max(2, round(WINDOW.of(self._scenario.trajectory) / period))
         for first in range(0, len(stamps), length):
             samples = block.tick_block.reference[first:first + length]
             raw = ReferenceWindow(int(stamps[first]), period, samples).to_bytes()

@@ -12,7 +12,8 @@ import time
 from masmc_ros.aliases import Array
 from masmc_ros.control.state_gate import StateSources
 from masmc_ros.errors import InputError
-from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES
+from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES, VELOCITY_SOURCE
+from masmc_ros.loop.controller_parameters import POSE_FRAME, POSE_SOURCE
 from masmc_ros.messages.cdr_layout import checked_stamp, UNREAD
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.names import REFERENCE_TOPIC
@@ -96,11 +97,11 @@ class StateInput:
         self._is_fixed = not robot.mechanism.twist
         self._is_waiting = False
         self._missing_pose: str | None = None
-        self._frame: str = values['pose_frame']
+        self._frame = POSE_FRAME.of(values)
         self._odom_frame = ''
         # Transform to each frame of odometry, and its time of arrival; infinite if it is static.
         self._transforms: dict[str, tuple[Array, float]] = {}
-        if values['pose_source'] == _ODOM:
+        if POSE_SOURCE.of(values) == _ODOM:
             self._joints = self._driven
             kind = robot.mechanism
             # An omnidirectional base has no joints: its twist stands for theirs.
@@ -186,7 +187,7 @@ class StateInput:
 
     def _read_any(self, raw: bytes, state: JointStateCdr) -> int:
         """Read a message of any layout into a state; return its stamp in ns, or InputError."""
-        unknown = 0.0 if self._values['velocity_source'] == SOURCES[ESTIMATED] else None
+        unknown = 0.0 if self._values[VELOCITY_SOURCE.name] == SOURCES[ESTIMATED] else None
         message = deserialized(raw, JointState)
         joints = self._joints
         # The driver of an arm on a table publishes no pose of its base, which is then zero.

@@ -34,11 +34,15 @@ from masmc_ros.identification.live_payload import (
     PayloadEstimator,
 )
 from masmc_ros.identification.nominal import nominal_of
-from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES
+from masmc_ros.law.parts.delay_fields import LATENCY, MOTOR_LAG
+from masmc_ros.law.parts.model import MODEL_SCALE, PAYLOAD_MASS
+from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES, VELOCITY_SOURCE
 from masmc_ros.loop.controller import Controller
+from masmc_ros.loop.controller_parameters import ESTIMATION_TIME
 from masmc_ros.messages.cdr_layout import NANOSECONDS
 from masmc_ros.messages.names import PAYLOAD_TOPIC
 from masmc_ros.params.declaration import Values
+from masmc_ros.robot.joint_names import FRAME_PREFIX
 from rclpy.clock import Clock
 from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
@@ -118,7 +122,7 @@ class EffortEcho:
         if timing is None:
             return ''
         return wrong_latency(
-            timing, values['latency'], values['motor_lag'], self._controller.period
+            timing, LATENCY.of(values), MOTOR_LAG.of(values), self._controller.period
         )
 
     @property
@@ -173,7 +177,7 @@ class PayloadOutput:
         """
         self._controller, self._background, self._log = controller, background, log
         mechanism, nominal = controller.mechanism, nominal_of(values)
-        span: float = values['payload.estimation_time']
+        span = ESTIMATION_TIME.of(values)
         self._estimator = PayloadEstimator(
             nominal.robot, nominal.theta, nominal.friction, ~controller.by_velocity, span
         )
@@ -184,14 +188,14 @@ class PayloadOutput:
         self._position = signals['position'][:, 0]
         self._rates = signals['velocity'][-self._joints:, 0]
         self._tip = mechanism.point_frame or mechanism.frames[-1][1]
-        self._frame = values['frame_prefix'] + self._tip
+        self._frame = FRAME_PREFIX.of(values) + self._tip
         # Stamp, latency and estimate, written by the thread as a whole and read by the node.
         self._latest: tuple[int, float, PayloadEstimate | None] = 0, 0.0, None
         self._published, self._text = 0, ''
         self._is_significant = False
-        if values['model_scale'] != 1.0:
+        if MODEL_SCALE.of(values) != 1.0:
             log.warning(
-                f'model_scale = {values["model_scale"]:g}: the estimate of the payload contains '
+                f'model_scale = {MODEL_SCALE.of(values):g}: the estimate of the payload contains '
                 'the error of the model; identify the robot and use model_scale = 1'
             )
 
@@ -209,8 +213,8 @@ class PayloadOutput:
         if block is None:
             return
         values = self._controller.values
-        latency = values['latency'] + values['motor_lag']
-        uses_rates = values['velocity_source'] != SOURCES[ESTIMATED]
+        latency = LATENCY.of(values) + MOTOR_LAG.of(values)
+        uses_rates = VELOCITY_SOURCE.of(values) != SOURCES[ESTIMATED]
         self._background.call(lambda: self._update(stamp, block, latency, uses_rates))
 
     def figures(self) -> dict[str, str]:
@@ -232,7 +236,7 @@ class PayloadOutput:
 
     def _describe(self, estimate: PayloadEstimate | None) -> str:
         return described(
-            estimate, self._controller.values['payload.mass'], tip=self._tip, node=self._name
+            estimate, PAYLOAD_MASS.of(self._controller.values), tip=self._tip, node=self._name
         )
 
     def _publish(self) -> None:

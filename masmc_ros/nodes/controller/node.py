@@ -35,13 +35,22 @@ from masmc_ros.control.layer_watch import LayerWatch
 from masmc_ros.errors import InputError
 from masmc_ros.law import registry
 from masmc_ros.law.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CMD_VEL, takes_rates
+from masmc_ros.law.parts.model import PAYLOAD_MASS
+from masmc_ros.law.registry import LAW
 from masmc_ros.loop import records
 from masmc_ros.loop.controller import Controller
+from masmc_ros.loop.controller_parameters import (
+    APPROACH_SPEED,
+    ESTIMATION_TIME,
+    HOLD,
+    TELEMETRY_DECIMATION,
+)
 from masmc_ros.loop.law_change import Effect, LawChange
+from masmc_ros.loop.plant_parameters import MEASUREMENT_DELAY
 from masmc_ros.loop.preparation import Preparation
-from masmc_ros.loop.safe_stop import HOLD, SafeStop
+from masmc_ros.loop.safe_stop import SafeStop
 from masmc_ros.loop.simulated_robot import stamp_age
-from masmc_ros.loop.timing import Timing
+from masmc_ros.loop.timing import PACING, Timing
 from masmc_ros.messages.names import CONTROLLER_STATE_TOPIC, REFERENCE_TOPIC
 from masmc_ros.messages.parameter_record import record_of
 from masmc_ros.messages.reference_window import ReferenceWindow
@@ -102,7 +111,7 @@ class ControllerNode(SuiteNode):
         timing = Timing.from_values(values)
         robot = robot_of(values)
         self._controller = controller = Controller(robot, timing.period, values)
-        approach = Approach(robot, values['approach_speed'])
+        approach = Approach(robot, APPROACH_SPEED.of(values))
         self._core = ControllerCore(controller, approach, LayerWatch(controller), timing, values)
         self._rejected_messages = RejectedMessages(self.log)
         joints = driven_joint_names(values)
@@ -115,7 +124,7 @@ class ControllerNode(SuiteNode):
         self._background = Background()
         self._echo = EffortEcho(controller, self._background)
         self._payload: PayloadOutput | None = None
-        if values['payload.estimation_time']:
+        if ESTIMATION_TIME.of(values):
             # Imported here: other controllers need no identification.
             from masmc_ros.nodes.controller.live_identification import PayloadOutput
 
@@ -149,7 +158,7 @@ class ControllerNode(SuiteNode):
         node, core = self.node, self._core
         self._output.connect(self.publisher)
         self._telemetry = ControllerTelemetry(
-            self._controller, self.values['telemetry_decimation'], self.stream
+            self._controller, TELEMETRY_DECIMATION.of(self.values), self.stream
         )
         if self._payload is not None:
             self._payload.connect(node, self.steady, self.stream)
@@ -354,7 +363,7 @@ class ControllerNode(SuiteNode):
         except InputError as error:
             self._rejected_messages.add('plant/parameters', error)
             return
-        pacing, own_pacing = plant_values.get('pacing'), self._core.pacing.name
+        pacing, own_pacing = plant_values.get(PACING.name), self._core.pacing.name
         self._perform(self._core.on_plant(str(pacing)))
         self._has_plant_parameters = True
         self._controller.set_stamp_age(_stamp_age(plant_values, self._controller.period))
@@ -425,22 +434,22 @@ def _log(log: RcutilsLogger, level: str, text: str) -> None:
 
 def _stamp_age(plant_values: Values, period: float) -> float:
     """Return the delay of a simulated plant before its stamps in s."""
-    delay = plant_values.get('measurement_delay', 0.0)
+    delay = plant_values.get(MEASUREMENT_DELAY.name, 0.0)
     is_valid = isinstance(delay, float) and 0.0 <= delay <= 1.0
     return stamp_age(delay, period) if is_valid else 0.0
 
 
 def _check_law(values: Values) -> None:
     """Raise InputError for a law that cannot be loaded, or does not support the robot."""
-    registry.load_for(values['law'], mechanism_from(values))
+    registry.load_for(LAW.of(values), mechanism_from(values))
     # Raises InputError for a command interface whose latency cannot be compensated.
     records.is_compensated(values)
-    if values['payload.mass'] > 0.0:
+    if PAYLOAD_MASS.of(values) > 0.0:
         # Raises InputError for a type of robot without payloads.
         records.nominal_theta(robot_of(values), values)
-    if values['payload.estimation_time'] and takes_rates(values):
+    if ESTIMATION_TIME.of(values) and takes_rates(values):
         raise InputError(
-            f'payload.estimation_time = {values["payload.estimation_time"]:g}: expected 0 with '
+            f'payload.estimation_time = {ESTIMATION_TIME.of(values):g}: expected 0 with '
             'commanded velocities, whose torques are unknown'
         )
 

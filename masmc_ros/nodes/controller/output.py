@@ -10,6 +10,7 @@ from typing import Protocol
 
 from geometry_msgs.msg import Twist, TwistStamped
 from masmc_ros.aliases import Array
+from masmc_ros.law.command_interface import ENABLE_STAMPED_CMD_VEL
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.signals import PUBLISHED
 from masmc_ros.messages.commands import ARM_VELOCITY, CommandWriter, EFFORT
@@ -23,7 +24,7 @@ from masmc_ros.messages.names import (
 from masmc_ros.messages.platform_messages import TwistCdr, TwistStampedCdr
 from masmc_ros.messages.telemetry import TelemetryCdr
 from masmc_ros.params.declaration import Values
-from masmc_ros.robot.joint_names import check_frame_prefix
+from masmc_ros.robot.joint_names import check_frame_prefix, FRAME_PREFIX
 import numpy as np
 from rclpy.publisher import Publisher
 from std_msgs.msg import Float64MultiArray
@@ -159,11 +160,11 @@ class BaseOutput:
         Raises InputError for a bad frame prefix.
         """
         self.publishers: list[Publisher] = []
-        prefix = check_frame_prefix(values['frame_prefix'])
+        prefix = check_frame_prefix(FRAME_PREFIX.of(values))
         base = controller.mechanism.frames[0][1]
         self._twist: TwistCdr | TwistStampedCdr = TwistCdr()
         self._type: type = Twist
-        if values['enable_stamped_cmd_vel']:
+        if ENABLE_STAMPED_CMD_VEL.of(values):
             self._twist, self._type = TwistStampedCdr(prefix, base), TwistStamped
         self._mechanism = controller.mechanism
         self._base = len(self._mechanism.twist)

@@ -18,7 +18,7 @@ from masmc_ros.nodes.plant.command_sources import base_sources, Source, torque_s
 from masmc_ros.nodes.process.diagnostics import RejectedMessages
 from masmc_ros.params.declaration import Values
 from masmc_ros.plant.latest_command import CommandPart
-from masmc_ros.robot.joint_names import driven_joint_names
+from masmc_ros.robot.joint_names import driven_joint_names, FRAME_PREFIX
 from masmc_ros.robot.mechanisms import mechanism_from
 from rclpy.node import Node
 
@@ -48,15 +48,15 @@ class CommandInput:
 
     def __init__(self, values: Values, rejected_messages: RejectedMessages) -> None:
         """Initialise the topics of the command interface of checked plant parameters."""
-        self.interface: str = values[COMMAND_INTERFACE.name]
-        self._is_stamped: bool = values[ENABLE_STAMPED_CMD_VEL.name]
+        self.interface = COMMAND_INTERFACE.of(values)
+        self._is_stamped = ENABLE_STAMPED_CMD_VEL.of(values)
         self._rejected_messages = rejected_messages
         joints = driven_joint_names(values)
         self.sources = (
             base_sources(
                 joints,
                 mechanism_from(values).twist,
-                values['frame_prefix'],
+                FRAME_PREFIX.of(values),
                 is_stamped=self._is_stamped,
                 is_hybrid=self.interface == 'hybrid',
             )

@@ -15,9 +15,9 @@ from diagnostic_msgs.msg import DiagnosticArray
 from masmc_ros.aliases import Array
 from masmc_ros.control.actions import Failure, Line, Record, Wait
 from masmc_ros.errors import InputError
-from masmc_ros.loop.plant_parameters import PUSH
+from masmc_ros.loop.plant_parameters import MAX_REAL_TIME_FACTOR, PUSH, REAL_TIME_FACTOR, WAIT_FOR
 from masmc_ros.loop.simulated_robot import plant_of
-from masmc_ros.loop.timing import Timing
+from masmc_ros.loop.timing import PACING, Timing
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.nodes.middleware.qos import subscription_qos
 from masmc_ros.nodes.parameters.ros_parameters import Pending
@@ -30,7 +30,7 @@ from masmc_ros.nodes.process.diagnostics import Health, publish_health, Rejected
 from masmc_ros.nodes.process.runtime import run
 from masmc_ros.params.declaration import MutableValues, Values
 from masmc_ros.plant.latest_command import CommandPart, Commands
-from masmc_ros.plant.lockstep import LockStep, MAX_REAL_TIME_FACTOR, PacedLockStep
+from masmc_ros.plant.lockstep import LockStep, PacedLockStep
 from masmc_ros.plant.plant_core import (
     Actions,
     AwaitCommand,
@@ -40,7 +40,7 @@ from masmc_ros.plant.plant_core import (
     Publish,
     PublishAgain,
 )
-from masmc_ros.plant.real_time import REAL_TIME_FACTOR, RealTime
+from masmc_ros.plant.real_time import RealTime
 from rclpy.context import Context
 from rclpy.timer import Timer
 from rclpy.topic_endpoint_info import TopicEndpointInfo
@@ -57,7 +57,7 @@ class PlantNode(SuiteNode):
         super().__init__(context=context, command_line=command_line)
         self._timing = Timing.from_values(self.values)
         self._robot = plant_of(self.values, self._timing.period)
-        self._wait_for = [name for name in self.values['wait_for'] if name]
+        self._wait_for = [name for name in WAIT_FOR.of(self.values) if name]
         # The first tick must not be late.
         self._robot.compile()
         self._output = StateOutput(self._robot, self._timing, self.values)
@@ -81,8 +81,8 @@ class PlantNode(SuiteNode):
     def _new_core(self) -> PlantCore:
         commands = Commands([source.part for source in self._input.sources])
         parts = self._robot, self._timing, self.values, commands
-        if self.values['pacing'] == 'lockstep':
-            is_limited = self.values[MAX_REAL_TIME_FACTOR] > 0.0
+        if PACING.of(self.values) == 'lockstep':
+            is_limited = MAX_REAL_TIME_FACTOR.of(self.values) > 0.0
             return PacedLockStep(*parts) if is_limited else LockStep(*parts)
         # If the plant waits for a controller, time starts with its first command.
         return RealTime(*parts, waits=bool(self._wait_for))
@@ -178,9 +178,9 @@ class PlantNode(SuiteNode):
         return Pending()
 
     def _end_push(self, _: EndPush) -> None:
-        self.parameters.take_effect({PUSH: (0.0,) * len(self.values[PUSH])})
+        self.parameters.take_effect({PUSH.name: (0.0,) * len(PUSH.of(self.values))})
         # The services return 0 as well.
-        self.parameters.withdraw([PUSH])
+        self.parameters.withdraw([PUSH.name])
 
     def _on_parameters(self, changed: Values) -> None:
         core = self._core
@@ -189,7 +189,7 @@ class PlantNode(SuiteNode):
         if core.has_started:
             record = Record(core.robot.tick, core.stamp, self.values, tuple(changed))
         self.record_parameters(record)
-        if self._timer is not None and REAL_TIME_FACTOR in changed:
+        if self._timer is not None and REAL_TIME_FACTOR.name in changed:
             self._start_timer()
 
     def _on_recorded(self, raw: bytes) -> None:

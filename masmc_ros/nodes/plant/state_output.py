@@ -9,6 +9,7 @@ from geometry_msgs.msg import Twist
 from masmc_ros.errors import InputError
 from masmc_ros.jit.compiled import bound
 from masmc_ros.log.traced_paths import ActualPath
+from masmc_ros.loop.plant_parameters import CLOCK_DECIMATION, ODOM_DECIMATION, TF_DECIMATION
 from masmc_ros.loop.signals import largest_slip
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.timing import Timing
@@ -29,7 +30,7 @@ from masmc_ros.nodes.middleware.qos import DEEP
 from masmc_ros.nodes.middleware.raw_types import raw_class
 from masmc_ros.nodes.process.base import SuiteNode
 from masmc_ros.params.declaration import MutableValues
-from masmc_ros.robot.joint_names import check_frame_prefix, joint_names
+from masmc_ros.robot.joint_names import check_frame_prefix, FRAME_PREFIX, joint_names
 from masmc_ros.robot.robot import robot_description, robot_of
 from nav_msgs.msg import Odometry, Path
 import numpy as np
@@ -49,9 +50,9 @@ class RobotDisplay:
 
         Raises InputError for an invalid prefix of frame names.
         """
-        robot, prefix = robot_of(values), check_frame_prefix(values['frame_prefix'])
+        robot, prefix = robot_of(values), check_frame_prefix(FRAME_PREFIX.of(values))
         self._timing = Timing.from_values(values)
-        self._decimation: int = values['tf_decimation']
+        self._decimation = TF_DECIMATION.of(values)
         self._description = string_message(robot_description(values, prefix))
         self._prefix = prefix
         self._message = TransformsCdr(prefix, robot.mechanism.frames)
@@ -110,13 +111,13 @@ class StateOutput:
 
         """
         self._robot, self._timing = robot, timing
-        self._odom_decimation: int = values['odom_decimation']
-        self._clock_decimation: int = values['clock_decimation']
+        self._odom_decimation = ODOM_DECIMATION.of(values)
+        self._clock_decimation = CLOCK_DECIMATION.of(values)
         self._display = RobotDisplay(values)
         state = JointStateCdr(joint_names(values))
         self._state = state.writer(robot.position, robot.velocity, robot.applied)
         self._sent = b''
-        self._odometry = OdometryCdr(values['frame_prefix'], robot.mechanism.frames[0][1])
+        self._odometry = OdometryCdr(FRAME_PREFIX.of(values), robot.mechanism.frames[0][1])
         self._twist = TwistCdr()
         self._slip = 0.0
         self._contact = TelemetryCdr(CONTACT_LABEL, len(robot.contact))

@@ -16,6 +16,7 @@ from typing import NamedTuple
 from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError
 from masmc_ros.loop.plant_parameters import PAYLOAD_MASS, PUSH
+from masmc_ros.loop.timing import DURATION
 from masmc_ros.messages.cdr_layout import NANOSECONDS
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.names import (
@@ -67,7 +68,15 @@ from masmc_ros.nodes.process.runtime import run
 from masmc_ros.params.declaration import MutableValues, Values
 from masmc_ros.params.file import parameter_file_text
 from masmc_ros.params.sliders import gain_text
-from masmc_ros.scenario.node_parameters import declared
+from masmc_ros.scenario.node_parameters import (
+    ALLOW_COMMANDS,
+    ASKS_FIRST,
+    declared,
+    HOST,
+    PORT,
+    RECORDED_TIME,
+    RECORDING,
+)
 from nav_msgs.msg import Path as PathMessage
 import numpy as np
 from rcl_interfaces.msg import ParameterEvent
@@ -133,22 +142,22 @@ class PlayNode(SuiteNode):
     def connect(self) -> None:
         """Serve the page and subscribe to the topics of the run."""
         super().connect()
-        host = self.values['host']
-        self._may_command = is_local(host) or self.values['allow_commands']
-        self._page = Page(PlayServer(host, self.values['port']))
+        host = HOST.of(self.values)
+        self._may_command = is_local(host) or ALLOW_COMMANDS.of(self.values)
+        self._page = Page(PlayServer(host, PORT.of(self.values)))
         self._is_served = True
         self._controls = Controls(
             self._page.server,
             self.node.resolve_service_name('controller'),
             may_command=self._may_command,
-            asks_first=self.values['asks_first'],
+            asks_first=ASKS_FIRST.of(self.values),
             saved=self._saved_text,
         )
         self._plant = PlantControls(
             self._page.server, self.node.resolve_service_name('plant'), self._controls
         )
-        if recording := self.values['recording']:
-            kept = self.values['recorded_time']
+        if recording := RECORDING.of(self.values):
+            kept = RECORDED_TIME.of(self.values)
             self._report = ReportButton(self._page.server, Path(recording), kept)
         self._parameters = ViewerParameters(self.node, self._controls, self.log.error)
         self._samples = Sampler(self.node)
@@ -255,7 +264,7 @@ class PlayNode(SuiteNode):
         self._shown, self._actual = shown, SampleWindow(3, MOST)
         if shown.plant is not None:
             mechanism = shown.robot.mechanism
-            masses = {p.name: p for p in declared('plant', mechanism)}[PAYLOAD_MASS]
+            masses = {p.name: p for p in declared('plant', mechanism)}[PAYLOAD_MASS.name]
             self._plant.build(mechanism, masses, shown.plant)
         self._state = JointStateCdr(shown.joints)
         reference = estimate_reference(parameters, shown.robot)
@@ -416,7 +425,7 @@ def _storable(values: Values) -> MutableValues:
 
     An endless run has no duration, which a simulation chooses. A run starts without a push.
     """
-    omitted = {PUSH, *(['duration'] if values.get('duration') == 0.0 else [])}
+    omitted = {PUSH.name, *([DURATION.name] if values.get(DURATION.name) == 0.0 else [])}
     return {n: v for n, v in values.items() if n not in omitted}
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from contextlib import suppress
 
 from masmc_ros.errors import InputError
-from masmc_ros.loop.plant_parameters import PAYLOAD_MASS, PUSH
+from masmc_ros.loop.plant_parameters import PAYLOAD_MASS, PUSH, PUSH_DURATION, TORQUE_LIMIT
 from masmc_ros.nodes.play.controls import Controls
 from masmc_ros.nodes.play.page import show_value
 from masmc_ros.nodes.play.server import PlayServer
@@ -70,27 +70,27 @@ class PlantControls:
             return
         units = ', '.join(dict.fromkeys(joint.effort_unit for joint in mechanism.joints))
         joints = [joint.short for joint in mechanism.joints]
-        heaviest = max(_HEAVIEST, 2.0 * values[PAYLOAD_MASS])
-        strongest = max(values['torque_limit']) or _STRONGEST
+        heaviest = max(_HEAVIEST, 2.0 * PAYLOAD_MASS.of(values))
+        strongest = max(TORQUE_LIMIT.of(values)) or _STRONGEST
         with self._folder:
             payload = self._gui.add_slider(
-                'Payload (kg)', 0.0, heaviest, heaviest / _STEPS, values[PAYLOAD_MASS]
+                'Payload (kg)', 0.0, heaviest, heaviest / _STEPS, PAYLOAD_MASS.of(values)
             )
             joint = self._gui.add_dropdown('Pushed joint', joints, initial_value=joints[-1])
             torque = self._gui.add_slider(
                 f'Push ({units})', -strongest, strongest, strongest / _STEPS, 0.5 * strongest
             )
-            hint = f'Disturbance torque on this joint for {values["push.duration"]:g} s'
+            hint = f'Disturbance torque on this joint for {PUSH_DURATION.of(values):g} s'
             button = self._gui.add_button('Push', hint=hint)
 
         def on_payload(event: GuiEvent[GuiSliderHandle[float]]) -> None:
             if event.client is not None:
-                name = f'{self._node}.{PAYLOAD_MASS}'
+                name = f'{self._node}.{PAYLOAD_MASS.name}'
                 self._controls.request(event.client_id, name, float(event.target.value))
 
         def on_push(event: GuiEvent[GuiButtonHandle]) -> None:
             push = [torque.value if name == joint.value else 0.0 for name in joints]
-            self._controls.request(event.client_id, f'{self._node}.{PUSH}', push)
+            self._controls.request(event.client_id, f'{self._node}.{PUSH.name}', push)
 
         payload.on_update(on_payload)
         button.on_click(on_push)
@@ -98,7 +98,7 @@ class PlantControls:
 
     def refresh(self) -> None:
         """Show the payload of the plant, unless a viewer is moving its slider."""
-        name = f'{self._node}.{PAYLOAD_MASS}'
+        name = f'{self._node}.{PAYLOAD_MASS.name}'
         value = self._controls.values.get(name)
         if self._payload is None or self._mass is None or not self._controls.is_still(name):
             return

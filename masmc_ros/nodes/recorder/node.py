@@ -19,6 +19,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from masmc_ros.control.supervisor import Mode
 from masmc_ros.errors import InputError
 from masmc_ros.log.offered_qos import Qos
+from masmc_ros.log.recorder_parameters import EXTRA_TOPICS, QUEUE_SIZE
 from masmc_ros.log.recover.recover import recover_all
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.definitions import Definition
@@ -55,6 +56,7 @@ from masmc_ros.nodes.recorder.health import RecorderHealth
 from masmc_ros.nodes.recorder.intake import Intake, OwnFrames, take_rest
 from masmc_ros.nodes.recorder.output import Attachments, DiskWatch, MEGABYTE, open_recording
 from masmc_ros.nodes.recorder.progress import Progress
+from masmc_ros.robot.joint_names import FRAME_PREFIX
 from rclpy.context import Context
 
 _LONG_QUIET = 3.0
@@ -110,7 +112,7 @@ class RecorderNode(SuiteNode):
         self._last = self._last_stamp()
         self._extra = ExtraTopics(
             self.node,
-            self.values['extra_topics'],
+            EXTRA_TOPICS.of(self.values),
             {t.name: t.holds for t in TOPICS if t.turns_up},
         )
         files = {file.path: Path(file.path).read_bytes() for file in command_line.files}
@@ -122,9 +124,9 @@ class RecorderNode(SuiteNode):
         self._recording.not_understood = self._not_understood.counts
         self._health = RecorderHealth(self._recording)
         self._note_state = self._health.watch(self.node.resolve_topic_name(STATE_TOPIC)).add
-        self._intake = Intake(self._recording, self.values['queue_size'] * MEGABYTE)
-        self._disk = DiskWatch(self._recording, self.values['queue_size'], self.log)
-        self._frames = OwnFrames(self.node, self.values['frame_prefix'])
+        self._intake = Intake(self._recording, QUEUE_SIZE.of(self.values) * MEGABYTE)
+        self._disk = DiskWatch(self._recording, QUEUE_SIZE.of(self.values), self.log)
+        self._frames = OwnFrames(self.node, FRAME_PREFIX.of(self.values))
         self._is_ready = False
         self._last_arrival = self._last_of_run = time.monotonic()
         self._known_nodes: set[str] = set()
@@ -295,7 +297,7 @@ class RecorderNode(SuiteNode):
         record = record_of(raw)
         self._attachments.add_parameters(node, record)
         if node == 'plant':
-            self._frames.go_by(record.parameters.get('frame_prefix'))
+            self._frames.go_by(record.parameters.get(FRAME_PREFIX.name))
 
     def _is_sent(self, topic: str) -> bool:
         """Return True if a recorded topic has a publisher."""

@@ -14,7 +14,9 @@ from masmc_ros.control.actions import Record
 from masmc_ros.control.supervisor import would_follow
 from masmc_ros.errors import InputError, UserError
 from masmc_ros.log.traced_paths import DesiredPath
+from masmc_ros.loop.controller_parameters import POSE_FRAME
 from masmc_ros.loop.timing import Timing
+from masmc_ros.loop.trajectory_parameters import HORIZON, START_TIME, WINDOW
 from masmc_ros.messages.cdr_layout import checked_stamp
 from masmc_ros.messages.names import CONTROLLER_STATE_TOPIC, DESIRED_PATH_TOPIC
 from masmc_ros.messages.reference_window import ReferenceWindow
@@ -32,8 +34,8 @@ from masmc_ros.nodes.trajectory.path_messages import PathRequest
 from masmc_ros.nodes.trajectory.received_paths import ReceivedPaths
 from masmc_ros.params.declaration import MutableValues
 from masmc_ros.reference.sampled_trajectory import PATH_RECEIVED
-from masmc_ros.reference.trajectory import path_values, Trajectory
-from masmc_ros.robot.joint_names import check_frame_prefix, joint_names
+from masmc_ros.reference.trajectory import path_values, Trajectory, TYPE
+from masmc_ros.robot.joint_names import check_frame_prefix, FRAME_PREFIX, joint_names
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.throttle import Throttle
 from nav_msgs.msg import Odometry, Path
@@ -68,24 +70,24 @@ class TrajectoryNode(SuiteNode):
         period = self._timing.period
         self._robot = robot = robot_of(self.values)
         self._trajectory = Trajectory(self.values, period, robot)
-        self._prefix = check_frame_prefix(self.values['frame_prefix'])
+        self._prefix = check_frame_prefix(FRAME_PREFIX.of(self.values))
         self._path = DesiredPath(
-            self._timing, robot, self._prefix, self.values['pose_frame']
+            self._timing, robot, self._prefix, POSE_FRAME.of(self.values)
         )
         self._mechanism = robot.mechanism
         self._received = ReceivedPaths(self._trajectory, robot, self._timing, self.values)
-        self._window = max(2, round(self.values['window'] / period))
-        self._horizon = max(self._window, round(self.values['horizon'] / period))
+        self._window = max(2, round(WINDOW.of(self.values) / period))
+        self._horizon = max(self._window, round(HORIZON.of(self.values) / period))
         if self._horizon > _MOST_AHEAD * self._window:
             raise InputError(
-                f'horizon = {self.values["horizon"]:g}, window = {self.values["window"]:g}: '
+                f'horizon = {HORIZON.of(self.values):g}, window = {WINDOW.of(self.values):g}: '
                 f'{self._horizon // self._window} windows ahead; expected at most {_MOST_AHEAD}, '
                 'with a longer window or a shorter horizon'
             )
         ticks_ahead = max(self._horizon + self._window, self._timing.last or 0)
         self._ahead_ns = self._timing.stamp(ticks_ahead)
         self._next = 0
-        start = self.values['start_time']
+        start = START_TIME.of(self.values)
         self._origin = round(1e9 * start) if start >= 0.0 else None
         self._is_relative = self._origin is None
         self._throttle = Throttle(period=1.0)
@@ -384,7 +386,7 @@ class TrajectoryNode(SuiteNode):
         self._on_state(*self._kept)
 
     def _health(self) -> Health:
-        text = f'type {self.values["type"]}'
+        text = f'type {TYPE.of(self.values)}'
         followed = self._received.followed
         if followed is not None and not isinstance(followed.points, Trajectory):
             is_moving = (self._last_tick or 0) <= self._received.end

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError
+from masmc_ros.loop.controller_parameters import POSE_FRAME
 from masmc_ros.messages.cdr_layout import checked_stamp, UNREAD
 from masmc_ros.messages.frame_tree import FrameTree
 from masmc_ros.messages.joint_state import JointStateCdr
@@ -96,7 +97,7 @@ class PathInput:
         self._waiting: _Waiting | None = None
         self._end_of_patience: Timer | None = None
         messages = PathMessages(
-            mechanism, names, frame_prefix, node.values['pose_frame'].lstrip('/'), self._pose_of
+            mechanism, names, frame_prefix, POSE_FRAME.of(node.values).lstrip('/'), self._pose_of
         )
         self._topics = messages.topics
         for topic, (kind, read) in self._topics.items():

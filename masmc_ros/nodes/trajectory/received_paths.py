@@ -18,7 +18,15 @@ from threading import Thread
 
 from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError
-from masmc_ros.loop.timing import Timing
+from masmc_ros.loop.timing import PACING, Timing
+from masmc_ros.loop.trajectory_parameters import (
+    PATH_ACCELERATION,
+    PATH_BASE,
+    PATH_JERK,
+    PATH_LEAD,
+    PATH_SPEED,
+    PATH_TURN_RATE,
+)
 from masmc_ros.nodes.trajectory.path_messages import PathRequest
 from masmc_ros.params.declaration import Values
 from masmc_ros.reference.jerk_limited import load_ruckig
@@ -76,15 +84,15 @@ class ReceivedPaths:
         """
         self._trajectory, self._robot, self._timing = trajectory, robot, timing
         self._speeds = Speeds(
-            values['path_speed'], values['path_turn_rate'], values['path_acceleration'],
-            values['path_jerk'],
+            PATH_SPEED.of(values), PATH_TURN_RATE.of(values), PATH_ACCELERATION.of(values),
+            PATH_JERK.of(values),
         )  # fmt: skip
         if self._speeds.jerk > 0.0:
             load_ruckig()
-        self._base_follows = values['path_base'] == 'follow'
+        self._base_follows = PATH_BASE.of(values) == 'follow'
         self._names = joint_names(values)
-        is_timed = values['pacing'] == 'realtime'
-        self._lead = math.ceil(values['path_lead'] / timing.period) if is_timed else 0
+        is_timed = PACING.of(values) == 'realtime'
+        self._lead = math.ceil(PATH_LEAD.of(values) / timing.period) if is_timed else 0
         self._is_timed = is_timed
         self._joined: JoinedMotion | None = None
         self._loading: Thread | None = None

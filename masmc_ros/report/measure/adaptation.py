@@ -10,8 +10,9 @@ from typing import NamedTuple
 
 from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError
+from masmc_ros.law.parts.model import MODEL_SCALE
 from masmc_ros.log.read.reader import Run
-from masmc_ros.loop.plant_parameters import PAYLOAD_MASS
+from masmc_ros.loop.plant_parameters import PAYLOAD_MASS, PAYLOAD_TIME
 from masmc_ros.loop.records import nominal_theta
 from masmc_ros.params.declaration import Values
 from masmc_ros.report.measure.parameters import robot_of_node, run_changes
@@ -142,7 +143,7 @@ def nominal_of_run(run: Run) -> Array | None:
     """Return the parameters of the controller's nominal model at the start; None if unknown."""
     robot = robot_of_node(run, 'controller')
     values = run.parameters.get('controller', {})
-    if robot is None or not isinstance(values.get('model_scale'), float):
+    if robot is None or not isinstance(values.get(MODEL_SCALE.name), float):
         return None
     with suppress(InputError, KeyError):
         return nominal_theta(robot, values)
@@ -165,9 +166,9 @@ class TrueTheta:
 
         """
         self._robot = robot
-        self._pick_up: float = values.get('payload.time', 0.0)
+        self._pick_up = PAYLOAD_TIME.or_default(values)
         self._steps: list[tuple[float, Array]] = []
-        self.change(0.0, values.get(PAYLOAD_MASS, 0.0))
+        self.change(0.0, PAYLOAD_MASS.or_default(values))
 
     def change(self, time: float, mass: float) -> None:
         """Add a payload in kg from a time in s on; 0: no payload. Times must not decrease."""
@@ -191,6 +192,7 @@ def true_theta_of_run(run: Run) -> TrueTheta | None:
         return None
     true = TrueTheta(robot, run.parameters['plant'])
     for change in run_changes(run):
-        if (change.node, change.name) == ('plant', PAYLOAD_MASS) and isinstance(change.new, float):
+        is_payload = (change.node, change.name) == ('plant', PAYLOAD_MASS.name)
+        if is_payload and isinstance(change.new, float):
             true.change(change.time, change.new)
     return true

@@ -12,6 +12,10 @@ from pathlib import Path
 
 from masmc_ros.errors import InputError
 from masmc_ros.law import registry
+from masmc_ros.law.command_interface import COMMAND_INTERFACE
+from masmc_ros.law.reaching.implicit import OBSERVER_GAIN
+from masmc_ros.law.reaching.reaching import BOUNDARY_LAYER
+from masmc_ros.law.registry import LAW, SWITCHING_TERM
 from masmc_ros.log.read.reader import Run
 from masmc_ros.params.declaration import Values
 
@@ -62,7 +66,7 @@ def law_of(run: Run) -> str | None:
     For commanded velocities, which follow from no law, it is RATES.
     """
     controller = run.parameters.get('controller', {})
-    law = controller.get('law')
+    law = controller.get(LAW.name)
     if not isinstance(law, str):
         return None
     return RATES if _commands_rates(controller) else law
@@ -79,18 +83,18 @@ def law_label(controller: Values) -> str:
     """Return a label such as 'smc, tanh δ 0.2' for a controller's parameter values."""
     if _commands_rates(controller):
         return RATES
-    return ', '.join([controller['law'], *_switching(controller)])
+    return ', '.join([LAW.of(controller), *_switching(controller)])
 
 
 def _commands_rates(controller: Values) -> bool:
-    return controller.get('command_interface') == 'velocity'
+    return controller.get(COMMAND_INTERFACE.name) == 'velocity'
 
 
 def _switching(controller: Values) -> list[str]:
-    name = controller.get('switching')
-    if not isinstance(name, str) or not _uses_switching(controller['law']):
+    name = controller.get(SWITCHING_TERM.name)
+    if not isinstance(name, str) or not _uses_switching(LAW.of(controller)):
         return []
-    layer, gain = controller.get('boundary_layer'), controller.get('observer_gain')
+    layer, gain = (controller.get(p.name) for p in (BOUNDARY_LAYER, OBSERVER_GAIN))
     if name in _WITH_BOUNDARY_LAYER and isinstance(layer, int | float):
         return [f'{name} δ {layer:g}']
     if name == 'implicit' and isinstance(gain, int | float) and gain > 0.0:

@@ -11,20 +11,20 @@ count from the time at which the robot has joined the path; before that it appro
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 import math
 
 from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError
+from masmc_ros.loop.plant_parameters import INITIAL_JOINTS, INITIAL_POSE
+from masmc_ros.loop.scenario import Scenario
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.loop.timing import Timing
-from masmc_ros.params.declaration import MutableValues, Values
+from masmc_ros.loop.timing import DURATION, Timing
+from masmc_ros.params.declaration import MutableValues
 from masmc_ros.reference.sampled_trajectory import SampledTrajectory
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.robot.declaration import Mechanism, Point
-from masmc_ros.robot.robot import robot_of
 from masmc_ros.scenario.node_parameters import declared
 from masmc_ros.scenario.scenario import lowest_limits
 import numpy as np
@@ -183,14 +183,14 @@ class Preview:
         return max(_SMALLEST, float(self.speed_share.max(initial=0.0)), math.sqrt(torque))
 
 
-def preview(values: Mapping[str, Values], slowdown: float = 1.0) -> Preview:
+def preview(scenario: Scenario, slowdown: float = 1.0) -> Preview:
     """
     Compute the preview of a scenario.
 
     Parameters
     ----------
-    values
-        Checked parameters of the nodes by their names.
+    scenario
+        Scenario whose path is previewed.
     slowdown
         Factor of the duration of the path.
 
@@ -202,13 +202,13 @@ def preview(values: Mapping[str, Values], slowdown: float = 1.0) -> Preview:
         If the path has no end.
 
     """
-    nominal = _nominal_values(values, slowdown)
-    plant = nominal['plant']
-    timing, robot = Timing.from_values(plant), robot_of(plant)
+    nominal = _nominal_scenario(scenario, slowdown)
+    plant, robot = nominal.plant, nominal.robot
+    timing = Timing.from_values(plant)
     if timing.last is None:
         raise InputError('duration = 0.0: expected a length > 0 s for a preview')
     count = timing.last + 1
-    trajectory = Trajectory(nominal['trajectory'], timing.period / slowdown, robot)
+    trajectory = Trajectory(nominal.trajectory, timing.period / slowdown, robot)
     try:
         samples = trajectory.sample(0, count)
     except InputError as unreachable:
@@ -216,13 +216,14 @@ def preview(values: Mapping[str, Values], slowdown: float = 1.0) -> Preview:
     axes = len(robot.mechanism.axes)
     samples[:, axes:2 * axes] /= slowdown
     samples[:, 2 * axes:] /= slowdown**2
-    position = np.array(robot.start(plant['initial_pose'], plant['initial_joints']))
+    position = np.array(robot.start(INITIAL_POSE.of(plant), INITIAL_JOINTS.of(plant)))
     starts_on_path = bool(
         (np.abs(robot.task_errors(position[None], samples[:1, :axes])) < _JOINED * TOLERANCE).all()
         and (np.abs(samples[0, axes:2 * axes]) < _JOINED * TOLERANCE).all()
     )
     # An approach also smooths the acceleration at the start, which the path does not.
-    nominal['controller']['approach_on_start'] = not starts_on_path
+    control = {**nominal.controller, 'approach_on_start': not starts_on_path}
+    nominal = nominal.with_nodes({'controller': control})
     simulation = Simulation(nominal, (), SampledTrajectory(np.arange(count), samples))
     try:
         blocks = list(simulation.run())
@@ -237,7 +238,7 @@ def preview(values: Mapping[str, Values], slowdown: float = 1.0) -> Preview:
     velocity = signal('true_velocity')[:, joints]
     acceleration: Array = np.gradient(velocity, timing.period, axis=0)
     rows = slice(0 if starts_on_path else _joined(error, robot.mechanism, timing), None)
-    limits = [limit or math.inf for limit in lowest_limits(values)]
+    limits = [limit or math.inf for limit in lowest_limits(scenario)]
     return Preview(
         robot.mechanism,
         timing.period * np.arange(count, dtype=np.float64)[rows],
@@ -253,7 +254,7 @@ def preview(values: Mapping[str, Values], slowdown: float = 1.0) -> Preview:
     )
 
 
-def sufficient_slowdown(values: Mapping[str, Values], first: Preview) -> float | None:
+def sufficient_slowdown(scenario: Scenario, first: Preview) -> float | None:
     """
     Return a factor of the duration with which the path keeps all limits.
 
@@ -263,7 +264,7 @@ def sufficient_slowdown(values: Mapping[str, Values], first: Preview) -> float |
     for _ in range(_TRIALS):
         factor = math.ceil(100.0 * factor) / 100.0
         with suppress(PathError):
-            if not preview(values, factor).violations():
+            if not preview(scenario, factor).violations():
                 return factor
         factor *= _MORE
     return None
@@ -286,24 +287,23 @@ def _joined(error: Array, mechanism: Mechanism, timing: Timing) -> int:
     return tick
 
 
-def _nominal_values(
-    values: Mapping[str, Values], slowdown: float
-) -> dict[str, MutableValues]:
-    """Return the parameters of plant, controller and trajectory of a preview."""
+def _nominal_scenario(scenario: Scenario, slowdown: float) -> Scenario:
+    """Return plant, controller and trajectory of a preview."""
+    duration = {'duration': slowdown * DURATION.of(scenario.plant)}
+    mechanism = scenario.robot.mechanism
     nominal: dict[str, MutableValues] = {}
-    mechanism = robot_of(values['plant']).mechanism
     for node in ('plant', 'controller'):
         kept = (*_PHYSICAL, *(_OF_CONTROL if node == 'controller' else ()))
         nominal[node] = {
-            parameter.name: values[node][parameter.name]
+            parameter.name: scenario[node][parameter.name]
             if parameter.name.startswith(kept)
             else parameter.default
             for parameter in declared(node, mechanism)
         }
         for name in _FREE & nominal[node].keys():
             nominal[node][name] = tuple(0.0 for _ in nominal[node][name])
-    nominal['controller'].update(_NOMINAL)
-    nominal['trajectory'] = dict(values['trajectory'])
-    for node_values in nominal.values():
-        node_values['duration'] = slowdown * values['plant']['duration']
-    return nominal
+    return Scenario(
+        nominal['plant'] | duration,
+        {**scenario.trajectory, **duration},
+        nominal['controller'] | _NOMINAL | duration,
+    )

@@ -5,17 +5,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from masmc_ros.log.read.decode import Series
 from masmc_ros.log.read.gaps import gaps_in
 from masmc_ros.log.read.reader import Run
+from masmc_ros.loop.plant_parameters import TORQUE_LIMIT
 from masmc_ros.loop.records import is_compensated
+from masmc_ros.loop.scenario import Scenario
 from masmc_ros.loop.tick_block import TickBlock
 from masmc_ros.loop.timed_simulation import Responses
-from masmc_ros.loop.timing import Timing
+from masmc_ros.loop.timing import CONTROL_PERIOD, PACING, Timing
 from masmc_ros.messages.cdr_layout import NANOSECONDS
-from masmc_ros.params.declaration import Values
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,7 +22,7 @@ _MOST_LATE = 20
 """Largest number of commands that are newer than the one that acts, in real time."""
 
 
-def logged_responses(run: Run, values: Mapping[str, Values]) -> Responses | None:
+def logged_responses(run: Run, scenario: Scenario) -> Responses | None:
     """
     Return the responses of the controller of a run in real time, None for one in lock-step.
 
@@ -36,13 +35,13 @@ def logged_responses(run: Run, values: Mapping[str, Values]) -> Responses | None
     ----------
     run
         Logged run.
-    values
-        Parameters by node, with which the run is computed.
+    scenario
+        Scenario with which the run is computed.
 
     """
-    plant, controller = values['plant'], run.parameters['controller']
-    period = plant['control_period']
-    if controller.get('pacing') != 'realtime' or controller['control_period'] != period:
+    plant, controller = scenario.plant, run.parameters['controller']
+    period = CONTROL_PERIOD.of(plant)
+    if controller.get(PACING.name) != 'realtime' or CONTROL_PERIOD.of(controller) != period:
         return None
     ticks = np.rint(run.times / period).astype(np.int64)
     count = int(ticks[-1]) + 1
@@ -52,7 +51,7 @@ def logged_responses(run: Run, values: Mapping[str, Values]) -> Responses | None
         computed[answered[(answered >= 0) & (answered < count)]] = True
     latest = np.maximum.accumulate(np.where(computed, np.arange(count), -1))
     torques, applied = np.full((2, count, run.applied_effort.shape[1]), np.nan)
-    limits = np.array(plant['torque_limit'])
+    limits = np.array(TORQUE_LIMIT.of(plant))
     limits[limits == 0.0] = np.inf
     if len(run.torque):
         answered = np.rint(run.torque.times / period).astype(np.int64)

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 import math
 from typing import NamedTuple
 
@@ -14,9 +14,9 @@ from masmc_ros.errors import InputError
 from masmc_ros.law.command_interface import takes_rates
 from masmc_ros.loop.batch_simulation import BatchSimulation
 from masmc_ros.loop.reduction import Reduction
+from masmc_ros.loop.scenario import Scenario
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.timing import Timing
-from masmc_ros.params.declaration import Values
 from masmc_ros.report.measure.metrics import Metrics, MetricSamples, RunSums, second_half
 from masmc_ros.report.measure.settling import BAND, FLOOR, settled_after
 from masmc_ros.robot.declaration import Mechanism
@@ -53,7 +53,7 @@ class ReducedWindow(NamedTuple):
 
 
 def reduced_metrics(
-    runs: Sequence[Mapping[str, Values]],
+    runs: Sequence[Scenario],
 ) -> list[Metrics | float]:
     """
     Compute runs in lanes and return the metrics of each.
@@ -72,7 +72,7 @@ def reduced_metrics(
     simulation = BatchSimulation(runs)
     window = ReducedWindow.of(simulation.timing)
     reduced = simulation.reduce(window.first, window.after, SETTLING)[0]
-    has_torques = not takes_rates(runs[0]['controller'])
+    has_torques = not takes_rates(runs[0].controller)
     return [
         metrics_of_lane(
             reduced,
@@ -86,7 +86,7 @@ def reduced_metrics(
     ]
 
 
-def simulated_metrics(run: Mapping[str, Values]) -> Metrics | float:
+def simulated_metrics(run: Scenario) -> Metrics | float:
     """
     Return the metrics of a run whose plant has no lanes, bitwise those of `masmc simulate`.
 

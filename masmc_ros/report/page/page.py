@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from markupsafe import Markup
+from masmc_ros.law.parts.model import MODEL_SCALE
 from masmc_ros.log.read.reader import Run
 from masmc_ros.report.measure.adaptation import assumed_model
 from masmc_ros.report.measure.differences import run_order
@@ -73,7 +74,7 @@ def _assumed(run: Run) -> str:
     """Return the nominal parameters relative to the true ones."""
     ends = assumed_model(run)
     if ends is None:
-        scale = run.parameters.get('controller', {}).get('model_scale')
+        scale = run.parameters.get('controller', {}).get(MODEL_SCALE.name)
         return f'model_scale {scale:g}' if isinstance(scale, float) else ''
     low, high = (f'{100.0 * end:.3g} %' for end in ends)
     return f'{low if low == high else f"{low} to {high}"} of the true masses and inertias'

@@ -16,6 +16,7 @@ from masmc_ros.robot.robot import Robot
 from masmc_ros.robot.tree.link_inertia import pseudo_inertia
 from masmc_ros.robot.tree.spatial import PER_BODY
 from masmc_ros.robot.tree.tree_mechanism import tree_mechanism, TreeMechanism
+from masmc_ros.robot.tree.tree_parameters import BASE_TYPE
 import numpy as np
 
 _AHEAD = 0.05
@@ -80,7 +81,7 @@ def _inertial(moments: Array) -> ElementTree.Element:
 def exciting_task(robot: Robot) -> MutableValues:
     """Return the values of parameters whose task determines the motion of all joints."""
     mechanism = cast(TreeMechanism, robot.mechanism)
-    kind = mechanism.choice['robot.base']
+    kind = BASE_TYPE.of(mechanism.choice)
     if kind == 'fixed':
         return {'robot.task': ('joints',)}
     if kind == 'omnidirectional':

@@ -34,7 +34,7 @@ from masmc_ros.robot.declaration import (
 )
 from masmc_ros.robot.packages import resource_path
 from masmc_ros.robot.tree import formulas as kernels
-from masmc_ros.robot.tree.assembly import BASES, TRACK_FACTOR, tree_robot, TreeRobot, with_axle
+from masmc_ros.robot.tree.assembly import BASES, tree_robot, TreeRobot, with_axle
 from masmc_ros.robot.tree.following import comfortable_reach, Followed, followed_base, Trail
 from masmc_ros.robot.tree.frames import (
     BASE,
@@ -59,6 +59,30 @@ from masmc_ros.robot.tree.spatial import PER_BODY, rotate, transpose
 from masmc_ros.robot.tree.task.outputs import Task, task_of, TaskRobot
 from masmc_ros.robot.tree.task.task import POSE
 from masmc_ros.robot.tree.tree_model import MOST_COORDINATES, packed
+from masmc_ros.robot.tree.tree_parameters import (
+    ARMATURE,
+    BASE_FRAME,
+    BASE_MOBILITY,
+    BASE_TYPE,
+    DAMPING,
+    DRIFT_RATE,
+    FRICTION,
+    FRICTIONLESS,
+    HELD_JOINTS,
+    HELD_POSITIONS,
+    JOINTS,
+    LEAST_PIVOT,
+    LIMIT_MARGIN,
+    PARAMETERS,
+    POSTURE,
+    POSTURE_GAIN,
+    ROLLER_ANGLES,
+    TASK,
+    TIP_FRAME,
+    TRACK_FACTOR,
+    WHEEL_RADIUS,
+    WHEELS,
+)
 from masmc_ros.robot.urdf import Description, Joint, read_urdf, read_urdf_file, urdf_text
 import numpy as np
 
@@ -68,90 +92,7 @@ NAME = 'tree'
 SPEED_SHARE = 0.9
 """Share of a joint's speed limit available to v_r; the rest is for the difference v - v_r."""
 
-FRICTIONLESS = 'none'
-"""Of the choices of robot.friction."""
-
-PARAMETERS = (
-    Parameter('robot.base', 'fixed', 'Type of the base', choices=tuple(BASES)),
-    Parameter('robot.base_frame', '', 'Link of the base frame; empty: the root link'),
-    Parameter(
-        'robot.wheels', (), 'Joints of the wheels: right and left, all of a skid-steer base, or '
-        'three or more of an omnidirectional one',
-    ),
-    Parameter(
-        'robot.wheel_radius', 0.0, 'Radius of the wheels; 0: their height above the ground',
-        unit='m', minimum=0.0,
-    ),
-    Parameter(
-        'robot.roller_angles', (0.0,), 'Angle of the rollers of each omnidirectional wheel, or of '
-        'all; 0, or that of a mecanum wheel', unit='rad',
-    ),
-    Parameter(
-        'robot.track_factor', TRACK_FACTOR, 'Effective track of a skid-steer base, relative to '
-        'the distance of its wheels', minimum=0.0, exclusive_minimum=True,
-    ),
-    Parameter('robot.tip_frame', '', 'Link of the task; empty: the last link'),
-    Parameter(
-        'robot.task', ('pose',), 'Tasks, one or several: pose, position, orientation or planar '
-        '(x, y) of the tip, base (x, y, yaw), heading (yaw), or joints; names of another frame or '
-        'of joints follow a task: [pose, heading]',
-        broadcast=True,
-    ),
-    Parameter('robot.joints', (), 'Controlled joints; empty: all movable joints'),
-    Parameter('robot.held_joints', (), 'Joints held at a constant position'),
-    Parameter('robot.held_positions', (0.0,), 'Positions of the held joints, or 0 for all'),
-    Parameter(
-        'robot.armature', 0.01, 'Inertia of the rotor of every joint, at the joint', unit='kg·m²',
-        minimum=0.0,
-    ),
-    Parameter(
-        'robot.friction', FRICTIONLESS, 'Joint friction, whose coefficients laws adapt: none, '
-        "urdf (the URDF's <dynamics>), or parameters (the two below)",
-        choices=(FRICTIONLESS, 'urdf', 'parameters'),
-    ),
-    Parameter(
-        'robot.viscous_friction', (0.0,), 'Viscous friction of wheels and joints, or of all',
-        unit='N·m·s', minimum=0.0,
-    ),
-    Parameter(
-        'robot.coulomb_friction', (0.0,), 'Coulomb friction of wheels and joints, or of all',
-        unit='N·m', minimum=0.0,
-    ),
-    Parameter(
-        'robot.posture', (0.0,),
-        'Preferred joint positions in the null space of the task, or 0 for all',
-    ),
-    Parameter(
-        'robot.posture_gain', 0.5, 'Rate of the motion to the preferred positions', unit='1/s',
-        minimum=0.0,
-    ),
-    Parameter(
-        'robot.base_mobility', 1.0,
-        'Share of the base in the task, relative to that of the joints',
-        minimum=0.0, exclusive_minimum=True,
-    ),
-    Parameter(
-        'robot.limit_margin', 0.05, "Part of a joint's range at both ends in which its motion for "
-        'the task fades to zero; 0: the ends are ignored',
-        minimum=0.0, maximum=0.5,
-    ),
-    Parameter(
-        'robot.damping', 20.0, 'Damping rate of the motion in the null space of the task',
-        unit='1/s', minimum=0.0,
-    ),
-    Parameter(
-        'robot.drift_rate', 50.0, 'Rate of the estimate of disturbance accelerations in the null '
-        'space of the task; 0: no estimate', unit='1/s', minimum=0.0,
-    ),
-    Parameter(
-        'robot.least_pivot', 1.0e-3,
-        'Measure of singularity (smallest pivot) below which the task is damped',
-        minimum=0.0, exclusive_minimum=True,
-    ),
-)  # fmt: skip
-"""Parameters of a tree in addition to URDF, which selects it."""
-
-_DESCRIBING = (*PARAMETERS, SPEED_LIMITS)
+_DESCRIBING: tuple[Parameter, ...] = (*PARAMETERS, SPEED_LIMITS)
 
 _LAW_PARAMETERS = (
     Parameter(
@@ -259,7 +200,7 @@ class TreeMechanism(Mechanism):
         limits, values = self.joint_limits, self.made_of
         d, has_margin = _inside(limits, values, position)
         share = np.minimum(1.0, limits['speed']**2) * (d * d * (3.0 - 2.0 * d))
-        stops: Flags = has_margin & (d < 1.0) & (share <= values['robot.least_pivot'])
+        stops: Flags = has_margin & (d < 1.0) & (share <= LEAST_PIVOT.of(values))
         return stops
 
     def least_pivots(self, position: Array) -> Array:
@@ -308,7 +249,7 @@ class TreeMechanism(Mechanism):
                 {'name': name, 'mimics': drive, 'multiplier': multiplier, 'offset': offset}
                 for name, (drive, multiplier, offset) in followers.items()
             ],
-            'friction': self.made_of['robot.friction'],
+            'friction': FRICTION.of(self.made_of),
             'total_mass': float(robot.inertial_parameters[:, 0].sum()),
             'reach': reach(robot, self.tips[0], arm),
             'gravity': [*no_drives, *gravity.tolist()],
@@ -333,11 +274,11 @@ class TreeMechanism(Mechanism):
         is_at_end = self.at_range_ends(start[None])[0]
         if self.task.frames and not texts and not is_at_end.any():
             pivot = float(self.least_pivots(start[None])[0])
-            if not pivot > self.made_of['robot.least_pivot']:
+            if not pivot > LEAST_PIVOT.of(self.made_of):
                 texts.append(
                     f'the start is singular for the task: its smallest pivot is {pivot:.2g},'
                     f' expected more than robot.least_pivot = '
-                    f'{self.made_of["robot.least_pivot"]:g}; choose another plant.initial_joints'
+                    f'{LEAST_PIVOT.of(self.made_of):g}; choose another plant.initial_joints'
                     ' or robot.task'
                 )
         return texts
@@ -528,7 +469,7 @@ def _inside(limits: Mapping[str, Array], values: Values, position: Array) -> tup
     """Return distances of positions to the ends as shares of the margins, 0 to 1, and margins."""
     lower, upper = limits['lower'], limits['upper']
     with np.errstate(invalid='ignore'):
-        margin = values['robot.limit_margin'] * (upper - lower)
+        margin = LIMIT_MARGIN.of(values) * (upper - lower)
     margin = np.where(np.isfinite(margin), margin, 0.0)
     inside = np.minimum(position - lower, upper - position) / np.where(margin, margin, 1.0)
     return np.where(margin > 0.0, np.clip(inside, 0.0, 1.0), 1.0), margin > 0.0
@@ -558,7 +499,7 @@ def mobility(
     ends = {'lower': robot.limits.lower[-count:], 'upper': robot.limits.upper[-count:]}
     d, _ = _inside(ends, values, position)
     shares = np.empty((len(position), base + count))
-    shares[:, :base] = values['robot.base_mobility']
+    shares[:, :base] = BASE_MOBILITY.of(values)
     shares[:, base:] = np.minimum(1.0, speeds**2) * (d * d * (3.0 - 2.0 * d))
     return shares
 
@@ -604,41 +545,41 @@ def _version_of(urdf: str) -> tuple[int, ...]:
 def _made(urdf: str, own: tuple[Value, ...], version: tuple[int, ...]) -> TreeMechanism:
     values: MutableValues = {p.name: value for p, value in zip(_DESCRIBING, own, strict=True)}
     text, description, where = described(urdf)
-    names, wheels = values['robot.held_joints'], values['robot.wheels']
-    angles = _as_many(values['robot.held_positions'], len(names), 'robot.held_positions')
+    names, wheels = HELD_JOINTS.of(values), WHEELS.of(values)
+    angles = _as_many(HELD_POSITIONS.of(values), len(names), 'robot.held_positions')
     held = dict(zip(names, angles.tolist(), strict=True))
     if len(held) < len(names):
         raise InputError(f'robot.held_joints {list(names)}: expected different names')
-    rollers = _as_many(values['robot.roller_angles'], len(wheels), 'robot.roller_angles')
+    rollers = _as_many(ROLLER_ANGLES.of(values), len(wheels), 'robot.roller_angles')
     robot = tree_robot(
         description,
         where,
-        base=values['robot.base'],
-        base_frame=values['robot.base_frame'],
+        base=BASE_TYPE.of(values),
+        base_frame=BASE_FRAME.of(values),
         wheels=wheels,
-        wheel_radius=values['robot.wheel_radius'],
+        wheel_radius=WHEEL_RADIUS.of(values),
         roller_angles=rollers.tolist() if rollers.any() else (),
-        joints=values['robot.joints'],
+        joints=JOINTS.of(values),
         held=held,
-        armature=values['robot.armature'],
-        track_factor=values['robot.track_factor'],
+        armature=ARMATURE.of(values),
+        track_factor=TRACK_FACTOR.of(values),
     )
     if robot.axle is not None and robot.base_frame not in description.links:
         description, text = with_axle(description, robot.axle), _with_axle(text, robot.axle)
     if not robot.joints:
         raise InputError(f'{where}: no joint that can be controlled; expected one at least')
     _check_masses(robot, where)
-    if not values['robot.armature']:
+    if not ARMATURE.of(values):
         _check_inertia(robot, where)
     _check_reserved(description, where)
-    base, root = values['robot.base'], robot.base_frame
+    base, root = BASE_TYPE.of(values), robot.base_frame
     tip = _tip(robot, values)
     driven = () if robot.wheels is None else robot.wheels.drives
     drives = tuple(Coordinate(j.name, j.name, j.name) for j in driven) or _DRIVES[base]
     arm = _coordinates(robot)
-    task = task_in(robot, values, values['robot.task'])
+    task = task_in(robot, values, TASK.of(values))
     bodies = [root, *(j.child for j in robot.moving)]
-    limited = _speed_limits(robot, (*drives, *arm), values[SPEED_LIMITS.name])
+    limited = _speed_limits(robot, (*drives, *arm), SPEED_LIMITS.of(values))
     model = _model(robot, task, values, limited)
     followed = followed_base(robot, task, _rest(robot, values))
     joints = len(drives) + len(arm)
@@ -687,7 +628,7 @@ def _made(urdf: str, own: tuple[Value, ...], version: tuple[int, ...]) -> TreeMe
         origin='origin of the base',
         singular='its least pivot is below robot.least_pivot',
         is_planar=base != 'fixed',
-        speed_settings=values[SPEED_LIMITS.name],
+        speed_settings=SPEED_LIMITS.of(values),
         robot=robot,
         description=description,
         text=text,
@@ -718,7 +659,7 @@ def _with_axle(text: str, axle: Joint) -> str:
 
 def _tip(robot: TreeRobot, values: Values) -> str:
     """Return the link of the tip; InputError for an unknown name."""
-    tip: str = values['robot.tip_frame'] or robot.joints[-1].child
+    tip = TIP_FRAME.of(values) or robot.joints[-1].child
     if tip not in robot.frames:
         raise InputError(
             f"robot.tip_frame: no link '{tip}'; {suggestion(tip, tuple(robot.frames))}"
@@ -736,7 +677,7 @@ def _coordinates(robot: TreeRobot) -> tuple[Coordinate, ...]:
 
 def task_in(robot: TreeRobot, values: Values, texts: Sequence[str]) -> Task:
     """Return the task of outputs `texts` for values of PARAMETERS; may raise InputError."""
-    goes_sideways = values['robot.base'] != 'differential'
+    goes_sideways = BASE_TYPE.of(values) != 'differential'
     arm, tip = _coordinates(robot), _tip(robot, values)
     links = tuple(robot.frames)
     return task_of(texts, TaskRobot(links, arm, tip, robot.base_frame, goes_sideways))
@@ -782,7 +723,7 @@ def _check_inertia(robot: TreeRobot, where: str) -> None:
 
 def _rest(robot: TreeRobot, values: Values) -> Array:
     """Return the posture of the joints."""
-    return _as_many(values['robot.posture'], len(robot.joints), 'robot.posture')
+    return _as_many(POSTURE.of(values), len(robot.joints), 'robot.posture')
 
 
 def _speed_limits(
@@ -802,7 +743,7 @@ def _model(
     base = robot.tree.base
     # Joints with a low speed limit, such as a lift, contribute less to the task.
     mobility = np.minimum(1.0, speed_limits**2)
-    mobility[:base] = values['robot.base_mobility']
+    mobility[:base] = BASE_MOBILITY.of(values)
     frames = [robot.frames[link] for link in task.frames]
     return packed(
         robot.tree,
@@ -811,18 +752,18 @@ def _model(
         task.places,
         mobility,
         np.concatenate([np.zeros(base), _rest(robot, values)]),
-        _limits(robot, values['robot.limit_margin']),
-        values['robot.posture_gain'],
-        values['robot.damping'],
-        values['robot.least_pivot'],
+        _limits(robot, LIMIT_MARGIN.of(values)),
+        POSTURE_GAIN.of(values),
+        DAMPING.of(values),
+        LEAST_PIVOT.of(values),
         SPEED_SHARE * speed_limits,
-        values['robot.drift_rate'],
+        DRIFT_RATE.of(values),
     )
 
 
 def _friction(robot: TreeRobot, values: Values, joints: int) -> Array:
     """Return the coefficients of friction of all joints, viscous ones first, or none."""
-    kind = values['robot.friction']
+    kind = FRICTION.of(values)
     if kind == FRICTIONLESS:
         return np.zeros(0)
     coefficients = np.zeros((2, joints))

@@ -24,7 +24,7 @@ from masmc_ros.errors import InputError
 from masmc_ros.params.declaration import MutableValues, Value, Values
 from masmc_ros.params.text import yaml_text
 from masmc_ros.robot.declaration import listed
-from masmc_ros.robot.tree.assembly import STEERED, TRACK_FACTOR, tree_robot, TreeRobot
+from masmc_ros.robot.tree.assembly import STEERED, tree_robot, TreeRobot
 from masmc_ros.robot.tree.link_inertia import joint_pose
 from masmc_ros.robot.tree.postures import (
     arm_limits,
@@ -39,7 +39,24 @@ from masmc_ros.robot.tree.postures import (
 from masmc_ros.robot.tree.spatial import add, product, rotate, ROTATION, Rotation, VECTOR, Vector
 from masmc_ros.robot.tree.task.outputs import OUTPUTS, Task
 from masmc_ros.robot.tree.task.rotation_vector import vector_of
-from masmc_ros.robot.tree.tree_mechanism import described, mobility, PARAMETERS, task_in
+from masmc_ros.robot.tree.tree_mechanism import described, mobility, task_in
+from masmc_ros.robot.tree.tree_parameters import (
+    BASE_FRAME,
+    BASE_TYPE,
+    HELD_JOINTS,
+    HELD_POSITIONS,
+    JOINTS,
+    LEAST_PIVOT,
+    LIMIT_MARGIN,
+    PARAMETERS,
+    POSTURE,
+    ROLLER_ANGLES,
+    TASK,
+    TIP_FRAME,
+    TRACK_FACTOR,
+    WHEEL_RADIUS,
+    WHEELS,
+)
 from masmc_ros.robot.urdf import Description, Joint
 import numpy as np
 
@@ -218,7 +235,7 @@ def urdf_defaults(urdf: str, stated: Values) -> Defaults:
         for p in PARAMETERS
         if p.name in stated
     }
-    tree = _Tree(description, values.get('robot.held_joints', ()))
+    tree = _Tree(description, HELD_JOINTS.or_default(values))
     parts = _parts(tree)
     choices, notes = _base(tree, where, parts, values)
     choices += _arm(tree, parts, values)
@@ -459,7 +476,7 @@ def _base(
     kind, reason, of_wheels, error = '', '', '', ''
     more: MutableValues = {}
     if 'robot.roller_angles' in values:
-        more['robot.roller_angles'] = values['robot.roller_angles']
+        more['robot.roller_angles'] = ROLLER_ANGLES.of(values)
     are_parallel = all(abs(tree.axis(joint)[1]) > _PARALLEL for joint in wheels)
     is_named = any(
         _is_named(tree, joint, _ANY_WAY)
@@ -484,7 +501,7 @@ def _base(
         )
     elif len(wheels) > 3 and base in (None, 'differential') and not rolls_any_way:
         kind = 'differential'
-        more['robot.track_factor'] = values.get('robot.track_factor', TRACK_FACTOR)
+        more['robot.track_factor'] = TRACK_FACTOR.or_default(values)
         reason = (
             f'{len(wheels)} wheels in two rows, a skid-steer base. For mecanum wheels state'
             ' robot.base omnidirectional'
@@ -571,7 +588,7 @@ def _mecanum_angles(tree: _Tree, wheels: Sequence[Joint]) -> tuple[float, ...]:
 def _frames_of_base(tree: _Tree, values: Values) -> list[str]:
     """Return the links whose frames may be the base frame; an empty name is the root."""
     if 'robot.base_frame' in values:
-        return [values['robot.base_frame']]
+        return [BASE_FRAME.of(values)]
     links = tree.fixed_links(tree.description.root)[1:]
     return ['', *sorted(links, key=lambda link: 'base' not in link and 'footprint' not in link)]
 
@@ -579,7 +596,7 @@ def _frames_of_base(tree: _Tree, values: Values) -> list[str]:
 def _radii(tree: _Tree, values: Values, wheel: Joint) -> list[float]:
     """Return the possible radii of the wheels: their height, or that of their shape."""
     if 'robot.wheel_radius' in values:
-        return [values['robot.wheel_radius']]
+        return [WHEEL_RADIUS.of(values)]
     radius = tree.description.links[wheel.child].radius
     return [0.0, radius] if radius else [0.0]
 
@@ -595,11 +612,11 @@ def _seen(tree: _Tree, frame: str, joint: Joint) -> Vector:
 def _arm(tree: _Tree, parts: _Parts, values: MutableValues) -> list[Choice]:
     """Choose controlled joints, tip and held positions; complete the values."""
     choices: list[Choice] = []
-    wheels = {*values.get('robot.wheels', ())}
+    wheels = {*WHEELS.or_default(values)}
     arm = [joint for joint in parts.arm if joint.name not in wheels]
-    tip = values.get('robot.tip_frame', '')
+    tip = TIP_FRAME.or_default(values)
     if 'robot.joints' in values:
-        names = set(values['robot.joints'])
+        names = set(JOINTS.of(values))
         chain = [joint for joint in tree.joints.values() if joint.name in names]
     else:
         chain, reason = _chain(tree, arm, tip)
@@ -626,7 +643,7 @@ def _arm(tree: _Tree, parts: _Parts, values: MutableValues) -> list[Choice]:
         values['robot.tip_frame'] = tip
         choices.append(Choice('robot.tip_frame', tip, reason))
     if 'robot.held_joints' not in values:
-        away = _held_away_from_zero(tree, {*values['robot.joints'], *wheels})
+        away = _held_away_from_zero(tree, {*JOINTS.of(values), *wheels})
         if away:
             values['robot.held_joints'] = tuple(away)
             values['robot.held_positions'] = tuple(away.values())
@@ -685,19 +702,19 @@ def _held_away_from_zero(tree: _Tree, moving: set[str]) -> dict[str, float]:
 
 def _robot(description: Description, where: str, values: Values) -> TreeRobot:
     """Return the robot of the values."""
-    names = values.get('robot.held_joints', ())
-    positions = np.broadcast_to(values.get('robot.held_positions', (0.0,)), len(names))
-    rollers = values.get('robot.roller_angles', (0.0,))
+    names = HELD_JOINTS.or_default(values)
+    positions = np.broadcast_to(HELD_POSITIONS.or_default(values), len(names))
+    rollers = ROLLER_ANGLES.or_default(values)
     robot = tree_robot(
         description,
         where,
-        base=values.get('robot.base', 'fixed'),
-        base_frame=values.get('robot.base_frame', ''),
-        wheels=values.get('robot.wheels', ()),
-        wheel_radius=values.get('robot.wheel_radius', 0.0),
+        base=BASE_TYPE.or_default(values),
+        base_frame=BASE_FRAME.or_default(values),
+        wheels=WHEELS.or_default(values),
+        wheel_radius=WHEEL_RADIUS.or_default(values),
         roller_angles=rollers if any(rollers) and len(rollers) > 1 else (),
-        track_factor=values.get('robot.track_factor', TRACK_FACTOR),
-        joints=values.get('robot.joints', ()),
+        track_factor=TRACK_FACTOR.or_default(values),
+        joints=JOINTS.or_default(values),
         held=dict(zip(names, positions.tolist(), strict=True)),
     )
     if not robot.joints:
@@ -711,7 +728,7 @@ def _task_and_start(
     """Choose task, start, posture and path; they follow a start of the user."""
     every = {p.name: values.get(p.name, p.default) for p in PARAMETERS}
     postures, kinds = _postures(robot)
-    stated = every['robot.task'] if 'robot.task' in values else None
+    stated = TASK.of(every) if 'robot.task' in values else None
     velocities = robot.tree.base + len(robot.joints)
     best: tuple[Task, Array] | None = None
     for kind in ('pose', 'position', 'planar', 'joints'):
@@ -720,7 +737,7 @@ def _task_and_start(
             continue
         task = task_in(robot, every, texts)
         pivots = _pivots(robot, task, every, postures)
-        if stated or kind == 'joints' or pivots.max() > 2.0 * every['robot.least_pivot']:
+        if stated or kind == 'joints' or pivots.max() > 2.0 * LEAST_PIVOT.of(every):
             best = task, pivots
             break
     assert best is not None
@@ -735,7 +752,7 @@ def _task_and_start(
         }
         choices.append(Choice('robot.task', texts, reasons[texts[0]]))
     if 'robot.posture' in values:
-        start = np.broadcast_to(np.array(values['robot.posture']), len(robot.joints))
+        start = np.broadcast_to(np.array(POSTURE.of(values)), len(robot.joints))
         why = 'robot.posture'
     else:
         start, why = _start(robot, postures, kinds, pivots)
@@ -768,8 +785,9 @@ def _inside(robot: TreeRobot, every: Values, postures: Array) -> Array:
     """Return True (m) for postures inside of all ranges and of the margins before their ends."""
     lower, upper = arm_limits(robot)
     with np.errstate(invalid='ignore'):
-        margin = np.nan_to_num(every['robot.limit_margin'] * (upper - lower), posinf=0.0)
-    inside: Array = ((postures >= lower + margin) & (postures <= upper - margin)).all(axis=1)
+        margin = np.nan_to_num(LIMIT_MARGIN.of(every) * (upper - lower), posinf=0.0)
+    is_inside = (postures >= lower + margin) & (postures <= upper - margin)
+    inside: Array = np.all(is_inside, axis=1)
     return inside
 
 
@@ -856,7 +874,7 @@ def _swing(
             step[axis] = sign * 2.0 * swing / _STEPS
             options.append((_followed(robot, task, every, start, step), axis, sign))
     best = max((pivot for pivot, _, _ in options), default=0.0)
-    if not best > every['robot.least_pivot']:
+    if not best > LEAST_PIVOT.of(every):
         return amplitude, 'the tip stays: no direction was found in which it can move'
     _, axis, sign = next(option for option in options if option[0] >= best * (1.0 - 1e-6))
     amplitude[axis] = sign * round(swing, 3)
