@@ -18,7 +18,7 @@ of the kind and length of the result. Built-in mechanisms are next to this file;
 points (`mechanisms.py`).
 
 A mechanism without redundancy and without speed limits needs neither `reference_damping` nor
-`reachable_surface` nor `compensated` nor `follow_drift`: those of `drift.py` are the defaults.
+`reachable_surface` nor `compensated` nor `follow_drift`: their bodies here are the defaults.
 
 `square_task.py` has the formulas from `task_error` to `task_inertia` for a task of as many axes as
 joints, whose errors are differences of coordinates; a mechanism with one imports them.
@@ -65,9 +65,9 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from masmc_ros.aliases import Columns, Numbers
+from masmc_ros.jit.compiled import formula
 from masmc_ros.jit.dispatch import by_class, by_tag, interface
 from masmc_ros.robot.declaration import formulas_of_model, formulas_of_tag
-from masmc_ros.robot.drift import acceleration_itself, no_damping, no_drift, surface_itself
 from masmc_ros.robot.formula_types import (
     HasGeometry,
     LawMemory,
@@ -79,7 +79,9 @@ from masmc_ros.robot.formula_types import (
 )
 
 _of_record = interface(by_tag('mechanism', formulas_of_tag))
-of_model = interface(by_class(formulas_of_model))
+_by_model = by_class(formulas_of_model)
+of_model = interface(_by_model)
+_of_model_or_default = interface(_by_model, formula)
 
 
 @_of_record
@@ -183,12 +185,13 @@ def reference_motion(
     """
 
 
-@interface(by_class(formulas_of_model), otherwise=no_damping)
+@_of_model_or_default
 def reference_damping(model: Lengths) -> float:
     """Return kappa in 1/s, with which a_r is the derivative of v_r less kappa (v - v_r)."""
+    return 0.0
 
 
-@interface(by_class(formulas_of_model), otherwise=surface_itself)
+@_of_model_or_default
 def reachable_surface(
     model: Lengths,
     posture: MechanismPosture,
@@ -197,14 +200,16 @@ def reachable_surface(
     surface: Numbers,
 ) -> Numbers:
     """Return J (v - v_r): s, without the part that limits and singularities prevent in v_r."""
+    return surface
 
 
-@interface(by_class(formulas_of_model), otherwise=acceleration_itself)
+@_of_model_or_default
 def compensated(model: Lengths, acceleration: Numbers, drift: Numbers) -> Numbers:
     """Return a_r - drift (joints): `acceleration` is a_r, `drift` is `memory.drift`."""
+    return acceleration
 
 
-@interface(by_class(formulas_of_model), otherwise=no_drift)
+@_of_model_or_default
 def follow_drift(
     model: Lengths,
     posture: MechanismPosture,
