@@ -77,6 +77,8 @@ def interface(
         def plain(*arguments: object) -> object:
             return formula_of(arguments[0])(*arguments)
 
+        plain.__dict__['has_default'] = bool(defaults)
+
         def target(context: TypingContext, kinds: Types) -> types.Type:
             return context.resolve_value_type(formula_of(kinds[0]))
 

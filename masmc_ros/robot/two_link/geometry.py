@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from masmc_ros.jit.compiled import formula
 from masmc_ros.numerics.portable_math import sines_and_cosines
+from masmc_ros.robot.formula_types import HasGeometry
 
 Quad = tuple[float, float, float, float]
 Positions = tuple[float, float, float, float, float, float, float]
@@ -35,6 +36,13 @@ class Posture(NamedTuple):
     s2: float
     c12: float  # cos(theta_1 + theta_2)
     s12: float
+
+
+@formula
+def model_of(record: HasGeometry) -> Geometry:
+    """Return the lengths that a record holds."""
+    lengths = record.geometry
+    return Geometry(lengths[0], lengths[1], lengths[2], lengths[3], lengths[4])
 
 
 @formula

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from masmc_ros.jit.compiled import formula
 from masmc_ros.numerics.portable_math import sin_cos
-from masmc_ros.robot.formula_types import HasGeometry
 from masmc_ros.robot.forward_dynamics import joint_accelerations
 from masmc_ros.robot.gradient_step import preserves_consistency, theta_step
 from masmc_ros.robot.square_task import (
@@ -48,6 +47,7 @@ from masmc_ros.robot.two_link.geometry import (
     Geometry,
     joint_rates,
     joint_torques,
+    model_of,
     motion,
     Positions,
     Posture,
@@ -88,6 +88,7 @@ __all__ = [
     'joint_accelerations',
     'joint_rates',
     'joint_torques',
+    'model_of',
     'motion',
     'motion_error',
     'motion_from_task',
@@ -118,13 +119,6 @@ __all__ = [
 Pose = tuple[float, float, float]
 
 MODEL = Geometry
-
-
-@formula
-def model_of(record: HasGeometry) -> Geometry:
-    """Return the lengths that a record holds."""
-    lengths = record.geometry
-    return Geometry(lengths[0], lengths[1], lengths[2], lengths[3], lengths[4])
 
 
 @formula
