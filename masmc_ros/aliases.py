@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,14 +19,20 @@ Compiled code has a tuple if the length is constant, and a vector of `jit.vector
 described by a URDF.
 """
 
-Axes = Numbers
+Axes = Annotated[Numbers, 'axes']
 """Vector of a formula with one number per task axis."""
 
-Joints = Numbers
+Joints = Annotated[Numbers, 'joints']
 """Vector of a formula with one number per driven joint, or per velocity of the mechanism."""
 
-Parameters = Numbers
+Parameters = Annotated[Numbers, 'parameters']
 """Vector of a formula with one number per base inertial parameter."""
+
+BasePose = Annotated[Numbers, 'base']
+"""Vector of a formula with one number per coordinate of the base pose."""
+
+Positions = Annotated[Numbers, 'positions']
+"""Vector of a formula with the base pose, then one number per joint."""
 
 Columns = tuple[Numbers, ...]
 """Matrix in a formula, as a tuple of its columns."""

@@ -57,24 +57,27 @@ def by_tag(name: str, find: Callable[[str], object]) -> Finder:
 
 
 def interface(
-    choose: Finder, otherwise: Function | None = None
+    choose: Finder, default: Callable[[Function], Function] | None = None
 ) -> Callable[[AnyFunction], AnyFunction]:
     """
-    Decorate a function without a body, which calls the formula of its name.
+    Decorate a function, which calls the formula of its name.
 
-    `otherwise` is the formula for implementations without this name.
+    With `default`, a decorator such as `formula`, its body is the formula for implementations
+    without this name. Otherwise it has no body, and every implementation has the name.
     """
 
     def decorate(stub: AnyFunction) -> AnyFunction:
-        name = stub.__name__
+        name, defaults = stub.__name__, () if default is None else (default(stub),)
 
         def formula_of(first: object) -> Function:
-            owner = choose(first)
-            return getattr(owner, name) if otherwise is None else getattr(owner, name, otherwise)
+            formula: Function = getattr(choose(first), name, *defaults)
+            return formula
 
         @wraps(stub)
         def plain(*arguments: object) -> object:
             return formula_of(arguments[0])(*arguments)
+
+        plain.__dict__['has_default'] = bool(defaults)
 
         def target(context: TypingContext, kinds: Types) -> types.Type:
             return context.resolve_value_type(formula_of(kinds[0]))

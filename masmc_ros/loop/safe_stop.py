@@ -185,18 +185,14 @@ def _apart(rate: float, v_r: float, angle: float, q_r: float, stiffness: float) 
     return (rate - v_r) + stiffness * (angle - q_r)
 
 
-@formula
-def _as_it_is(body: Any, angles: Joints, rates: Joints) -> tuple[bool, Joints]:
-    return False, angles
-
-
-@interface(by_tag('mechanism', formulas_of_tag), _as_it_is)
+@interface(by_tag('mechanism', formulas_of_tag), formula)
 def unfolded(body: Any, angles: Joints, rates: Joints) -> tuple[bool, Joints]:
     """
     Return whether no law should start from these joint angles and velocities, and a goal.
 
     Without a formula of the mechanism in `body` a law can start everywhere.
     """
+    return False, angles
 
 
 class SafeStop:

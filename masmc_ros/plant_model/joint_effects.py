@@ -25,11 +25,6 @@ OFF, ON = '', 'effects'
 
 
 @formula
-def _never(plant: Record) -> bool:
-    return False
-
-
-@formula
 def _loses_in_a_lane(plant: Record) -> bool:
     lanes = 0
     for lane in range(lane_count(plant)):
@@ -46,19 +41,21 @@ def _twists_in_a_lane(plant: Record) -> bool:
 
 
 _EFFECTS = {
-    OFF: SimpleNamespace(has_losses=_never, is_elastic=_never),
+    OFF: SimpleNamespace(),
     ON: SimpleNamespace(has_losses=_loses_in_a_lane, is_elastic=_twists_in_a_lane),
 }
-"""Formulas by the tag `effects` of the settings of a plant."""
+"""Formulas by the tag `effects` of the settings of a plant; those of OFF are the bodies below."""
 
-_dispatch = interface(by_tag('effects', _EFFECTS.__getitem__))
+_dispatch = interface(by_tag('effects', _EFFECTS.__getitem__), formula)
 
 
 @_dispatch
 def has_losses(plant: Record) -> bool:
     """Return True if motors lag or joints stick in any lane."""
+    return False
 
 
 @_dispatch
 def is_elastic(plant: Record) -> bool:
     """Return True if a joint is elastic in any lane."""
+    return False

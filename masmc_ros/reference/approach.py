@@ -32,9 +32,11 @@ PEAK = 15.0 / 8.0
 CONTINUOUS = 0.05
 """Time in s; steps smaller than the approach speed times this value count as continuous."""
 
+_of_record = interface(by_tag('mechanism', formulas_of_tag), kernel)
 
-@kernel
-def _approach_start(
+
+@_of_record
+def approach_start(
     body: Records,
     position: Array,
     rates: Array,
@@ -63,8 +65,8 @@ def _approach_start(
     return way
 
 
-@kernel
-def _approach_sample(
+@_of_record
+def approach_sample(
     body: Records,
     reference: Array,
     distance: Array,
@@ -102,37 +104,6 @@ def steps(before: Array, current: Array, time: float, limit: float, speed: float
         is_step |= not abs(current[i] - expected) <= limit
         is_step |= not abs(current[n + i] - before[n + i]) <= speed
     return is_step
-
-
-_of_record = by_tag('mechanism', formulas_of_tag)
-
-
-@interface(_of_record, _approach_start)
-def approach_start(
-    body: Records,
-    position: Array,
-    rates: Array,
-    reference: Array,
-    speed: float,
-    distance: Array,
-    motion: Array,
-    start: Array,
-) -> float:
-    """Call the kernel of the mechanism in `body`, see `_approach_start`."""
-
-
-@interface(_of_record, _approach_sample)
-def approach_sample(
-    body: Records,
-    reference: Array,
-    distance: Array,
-    motion: Array,
-    start: Array,
-    duration: float,
-    part: float,
-    out: Array,
-) -> None:
-    """Call the kernel of the mechanism in `body`, see `_approach_sample`."""
 
 
 class Approach:

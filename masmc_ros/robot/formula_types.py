@@ -5,25 +5,26 @@
 Types of the arguments of a mechanism's formulas, as their callers see them.
 
 The modules of a mechanism have the named tuples behind the opaque types, and `law/fields.py` has
-all fields of laws. These types have no values: editors and mypy read them.
+all fields of laws. These types have no values: editors, mypy and the dry run of a mechanism
+(`mechanism_dry_run.py`) read them.
 """
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Annotated, Protocol
 
 from masmc_ros.aliases import Axes, Joints, Numbers, Parameters
 
-Lengths = tuple[object, ...]
+Lengths = Annotated[tuple[object, ...], 'model']
 """Named tuple of a mechanism's constant lengths, the first argument of its formulas."""
 
-MechanismPosture = tuple[object, ...]
+MechanismPosture = Annotated[tuple[object, ...], 'posture']
 """Result of `mechanism.posture`, a named tuple of the mechanism."""
 
-MechanismRegressor = tuple[object, ...]
+MechanismRegressor = Annotated[tuple[object, ...], 'regressor']
 """Result of `mechanism.regressor`, a named tuple of the mechanism."""
 
-MechanismInertia = object
+MechanismInertia = Annotated[object, 'inertia']
 """Result of `mechanism.inertia`, a named tuple or an array of the mechanism."""
 
 

@@ -12,13 +12,14 @@ rates, and the forces conjugate to them.
 A `Mechanism` (`declaration.py`) declares names and numbers, and the module with the formulas: all
 of this file, under the same names. The type of `model`, the named tuple of the mechanism's
 constant lengths, selects them. All are pure and use SI units, radians and, for a task, the world
-frame by REP-103. Vectors are tuples. With the size `jit.record.AT_RUN_TIME`, one compiled code
+frame by REP-103. Vectors are tuples; their types (`Axes`, `Joints`, ...) name their sizes, which
+the dry run of a mechanism checks. With the size `jit.record.AT_RUN_TIME`, one compiled code
 serves mechanisms of all sizes, and vectors are those of `jit.vectors`. `template` is a vector
 of the kind and length of the result. Built-in mechanisms are next to this file; plug-ins use entry
 points (`mechanisms.py`).
 
 A mechanism without redundancy and without speed limits needs neither `reference_damping` nor
-`reachable_surface` nor `compensated` nor `follow_drift`: those of `drift.py` are the defaults.
+`reachable_surface` nor `compensated` nor `follow_drift`: their bodies here are the defaults.
 
 `square_task.py` has the formulas from `task_error` to `task_inertia` for a task of as many axes as
 joints, whose errors are differences of coordinates; a mechanism with one imports them.
@@ -62,12 +63,12 @@ and, if its axes are not x and y of the carrier:
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from masmc_ros.aliases import Columns, Numbers
+from masmc_ros.aliases import Axes, BasePose, Joints, Parameters, Positions
+from masmc_ros.jit.compiled import formula
 from masmc_ros.jit.dispatch import by_class, by_tag, interface
 from masmc_ros.robot.declaration import formulas_of_model, formulas_of_tag
-from masmc_ros.robot.drift import acceleration_itself, no_damping, no_drift, surface_itself
 from masmc_ros.robot.formula_types import (
     HasGeometry,
     LawMemory,
@@ -79,56 +80,58 @@ from masmc_ros.robot.formula_types import (
 )
 
 _of_record = interface(by_tag('mechanism', formulas_of_tag))
-of_model = interface(by_class(formulas_of_model))
+_by_model = by_class(formulas_of_model)
+of_model = interface(_by_model)
+_of_model_or_default = interface(_by_model, formula)
 
 
 @_of_record
-def model_of(record: HasGeometry) -> Any:
+def model_of(record: HasGeometry) -> Lengths:
     """Return the lengths in a record of this mechanism, in its own named tuple."""
 
 
 @of_model
-def posture(model: Lengths, position: Numbers) -> MechanismPosture:
+def posture(model: Lengths, position: Positions) -> MechanismPosture:
     """Return the sines and cosines of the positions for the other formulas."""
 
 
 @of_model
-def posture_of_joints(model: Lengths, angles: Numbers) -> MechanismPosture:
+def posture_of_joints(model: Lengths, angles: Joints) -> MechanismPosture:
     """Return the posture of joint angles (joints), with the base at the origin."""
 
 
 @of_model
-def motion(model: Lengths, rates: Numbers) -> Numbers:
+def motion(model: Lengths, rates: Joints) -> Joints:
     """Return the mechanism's velocities from the joints' rates."""
 
 
 @of_model
-def joint_rates(model: Lengths, motion: Numbers) -> Numbers:
+def joint_rates(model: Lengths, motion: Joints) -> Joints:
     """Return the joints' rates (or their derivatives) from velocities (or theirs)."""
 
 
 @of_model
-def joint_torques(model: Lengths, forces: Numbers) -> Numbers:
+def joint_torques(model: Lengths, forces: Joints) -> Joints:
     """Map generalised forces to joint torques (equal power)."""
 
 
 @of_model
-def forces(model: Lengths, torques: Numbers) -> Numbers:
+def forces(model: Lengths, torques: Joints) -> Joints:
     """Map joint torques to generalised forces (equal power)."""
 
 
 @of_model
-def position_rates(model: Lengths, posture: MechanismPosture, rates: Numbers) -> Numbers:
+def position_rates(model: Lengths, posture: MechanismPosture, rates: Joints) -> Positions:
     """Return the derivative of the positions from the joints' rates."""
 
 
 @of_model
-def task_position(model: Lengths, posture: MechanismPosture, position: Numbers) -> Numbers:
+def task_position(model: Lengths, posture: MechanismPosture, position: Positions) -> Axes:
     """Return the task's coordinates x, as many as axes."""
 
 
 @of_model
-def task_velocity(model: Lengths, posture: MechanismPosture, motion: Numbers) -> Numbers:
+def task_velocity(model: Lengths, posture: MechanismPosture, motion: Joints) -> Axes:
     """Return J v."""
 
 
@@ -140,17 +143,17 @@ class Tracking(NamedTuple):
     angular velocity, which are not the rates of coordinates.
     """
 
-    error: Numbers  # e, zero if x = x_d
-    error_derivative: Numbers  # de/dt
-    velocity_error: Numbers  # J v less the desired velocity
-    velocity: Numbers  # desired
-    acceleration: Numbers  # desired, its derivative
+    error: Axes  # e, zero if x = x_d
+    error_derivative: Axes  # de/dt
+    velocity_error: Axes  # J v less the desired velocity
+    velocity: Axes  # desired
+    acceleration: Axes  # desired, its derivative
 
 
 @of_model
 def task_error(
-    model: Lengths, posture: MechanismPosture, position: Numbers, desired: Numbers
-) -> Numbers:
+    model: Lengths, posture: MechanismPosture, position: Positions, desired: Axes
+) -> Axes:
     """Return e, of the positions and of x_d."""
 
 
@@ -158,9 +161,9 @@ def task_error(
 def tracking(
     model: Lengths,
     posture: MechanismPosture,
-    position: Numbers,
-    motion: Numbers,
-    desired: tuple[Numbers, Numbers, Numbers],
+    position: Positions,
+    motion: Joints,
+    desired: tuple[Axes, Axes, Axes],
 ) -> Tracking:
     """Return the tracking of x_d and its first and second derivatives by a state."""
 
@@ -169,11 +172,11 @@ def tracking(
 def reference_motion(
     model: Lengths,
     posture: MechanismPosture,
-    position: Numbers,
-    motion: Numbers,
-    velocity: Numbers,
-    acceleration: Numbers,
-) -> tuple[Numbers, Numbers, bool]:
+    position: Positions,
+    motion: Joints,
+    velocity: Axes,
+    acceleration: Axes,
+) -> tuple[Joints, Joints, bool]:
     """
     Return v_r and a_r, which are always finite, and True if J is close to singular.
 
@@ -183,37 +186,40 @@ def reference_motion(
     """
 
 
-@interface(by_class(formulas_of_model), otherwise=no_damping)
+@_of_model_or_default
 def reference_damping(model: Lengths) -> float:
     """Return kappa in 1/s, with which a_r is the derivative of v_r less kappa (v - v_r)."""
+    return 0.0
 
 
-@interface(by_class(formulas_of_model), otherwise=surface_itself)
+@_of_model_or_default
 def reachable_surface(
     model: Lengths,
     posture: MechanismPosture,
-    motion: Numbers,
-    reference: Numbers,
-    surface: Numbers,
-) -> Numbers:
+    motion: Joints,
+    reference: Joints,
+    surface: Axes,
+) -> Axes:
     """Return J (v - v_r): s, without the part that limits and singularities prevent in v_r."""
+    return surface
 
 
-@interface(by_class(formulas_of_model), otherwise=acceleration_itself)
-def compensated(model: Lengths, acceleration: Numbers, drift: Numbers) -> Numbers:
+@_of_model_or_default
+def compensated(model: Lengths, acceleration: Joints, drift: Joints) -> Joints:
     """Return a_r - drift (joints): `acceleration` is a_r, `drift` is `memory.drift`."""
+    return acceleration
 
 
-@interface(by_class(formulas_of_model), otherwise=no_drift)
+@_of_model_or_default
 def follow_drift(
     model: Lengths,
     posture: MechanismPosture,
     settings: LawSettings,
     memory: LawMemory,
-    motion: Numbers,
-    reference: Numbers,
-    surface: Numbers,
-    missing: Numbers,
+    motion: Joints,
+    reference: Joints,
+    surface: Axes,
+    missing: Joints,
 ) -> None:
     """
     Update the estimated drift in the memory after a tick.
@@ -238,66 +244,61 @@ def follow_drift(
 def motion_error(
     model: Lengths,
     posture: MechanismPosture,
-    motion: Numbers,
-    reference: Numbers,
-    surface: Numbers,
-) -> Numbers:
+    motion: Joints,
+    reference: Joints,
+    surface: Axes,
+) -> Joints:
     """Return sigma = v - v_r, whose J sigma is the surface s."""
 
 
 @of_model
 def task_inertia(
-    model: Lengths, posture: MechanismPosture, theta: Numbers, surface: Numbers
-) -> Columns:
+    model: Lengths, posture: MechanismPosture, theta: Parameters, surface: Axes
+) -> tuple[Axes, ...]:
     """Return the columns of the task inertia H_x; `surface` has as many entries."""
 
 
 @of_model
 def motion_from_task(
-    model: Lengths, posture: MechanismPosture, rates: Numbers, template: Numbers
-) -> Numbers:
+    model: Lengths, posture: MechanismPosture, rates: Axes, template: Joints
+) -> Joints:
     """Return J^-1 xdot, finite everywhere; damped if `is_singular`."""
 
 
 @of_model
 def forces_from_task(
-    model: Lengths, posture: MechanismPosture, force: Numbers, template: Numbers
-) -> Numbers:
+    model: Lengths, posture: MechanismPosture, force: Axes, template: Joints
+) -> Joints:
     """Return J' F."""
-
-
-@of_model
-def is_singular(model: Lengths, posture: MechanismPosture) -> bool:
-    """Return True if J of a square task cannot be inverted undamped; called by `square_task`."""
 
 
 @of_model
 def regressor(
     model: Lengths,
     posture: MechanismPosture,
-    motion: Numbers,
-    reference: Numbers,
-    acceleration: Numbers,
+    motion: Joints,
+    reference: Joints,
+    acceleration: Joints,
 ) -> MechanismRegressor:
     """Return Y(q, v, v_r, a_r): H a_r + V v_r and the forces against gravity = Y theta."""
 
 
 @of_model
-def regressor_times(model: Lengths, y: MechanismRegressor, theta: Numbers) -> Numbers:
+def regressor_times(model: Lengths, y: MechanismRegressor, theta: Parameters) -> Joints:
     """Return Y theta, forces."""
 
 
 @of_model
 def regressor_transpose_times(
-    model: Lengths, y: MechanismRegressor, motion: Numbers, template: Numbers
-) -> Numbers:
+    model: Lengths, y: MechanismRegressor, motion: Joints, template: Parameters
+) -> Parameters:
     """Return Y' v, an entry per parameter."""
 
 
 @of_model
 def theta_step(
-    model: Lengths, settings: LawSettings, theta: Numbers, gradient: Numbers, period: float
-) -> Numbers:
+    model: Lengths, settings: LawSettings, theta: Parameters, gradient: Parameters, period: float
+) -> Parameters:
     """
     Return theta after one period of adaptation along a gradient, before leakage and projection.
 
@@ -312,31 +313,31 @@ def preserves_consistency(model: Lengths, settings: LawSettings) -> bool:
 
 
 @of_model
-def inertia(model: Lengths, posture: MechanismPosture, theta: Numbers) -> MechanismInertia:
+def inertia(model: Lengths, posture: MechanismPosture, theta: Parameters) -> MechanismInertia:
     """Return the inertia matrix H."""
 
 
 @of_model
-def inertia_times(model: Lengths, inertia: MechanismInertia, acceleration: Numbers) -> Numbers:
+def inertia_times(model: Lengths, inertia: MechanismInertia, acceleration: Joints) -> Joints:
     """Return H vdot, forces."""
 
 
 @of_model
-def inertia_solve(model: Lengths, inertia: MechanismInertia, forces: Numbers) -> Numbers:
+def inertia_solve(model: Lengths, inertia: MechanismInertia, forces: Joints) -> Joints:
     """Return H^-1 f."""
 
 
 @of_model
 def coriolis(
-    model: Lengths, posture: MechanismPosture, theta: Numbers, motion: Numbers
-) -> Numbers:
+    model: Lengths, posture: MechanismPosture, theta: Parameters, motion: Joints
+) -> Joints:
     """Return V v and the forces against gravity; Hdot - 2 V is skew-symmetric."""
 
 
 @of_model
 def joint_accelerations(
-    model: Lengths, posture: MechanismPosture, theta: Numbers, rates: Numbers, torques: Numbers
-) -> Numbers:
+    model: Lengths, posture: MechanismPosture, theta: Parameters, rates: Joints, torques: Joints
+) -> Joints:
     """
     Return the joints' accelerations under torques.
 
@@ -345,7 +346,7 @@ def joint_accelerations(
 
 
 @of_model
-def weakest_motion(model: Lengths, theta: Numbers) -> tuple[float, Numbers]:
+def weakest_motion(model: Lengths, theta: Parameters) -> tuple[float, Joints]:
     """
     Return the first pivot of the inertia's consistency matrix that is not positive, and x.
 
@@ -355,25 +356,25 @@ def weakest_motion(model: Lengths, theta: Numbers) -> tuple[float, Numbers]:
 
 
 @of_model
-def consistency_normal(model: Lengths, x: Numbers, template: Numbers) -> Numbers:
+def consistency_normal(model: Lengths, x: Joints, template: Parameters) -> Parameters:
     """Return the vector n with n' theta = x' Q(theta) x."""
 
 
 @of_model
-def rate_command(model: Lengths, motion: Numbers) -> Numbers:
+def rate_command(model: Lengths, motion: Joints) -> Joints:
     """Return the command of the drives: base velocities, then rates of the other joints."""
 
 
 @of_model
-def commanded_joint_rates(model: Lengths, command: Numbers) -> Numbers:
+def commanded_joint_rates(model: Lengths, command: Joints) -> Joints:
     """Return the joint rates of a command of rates."""
 
 
 @of_model
-def dead_reckoned(model: Lengths, pose: Numbers, turned: Numbers) -> Numbers:
+def dead_reckoned(model: Lengths, pose: BasePose, turned: Joints) -> BasePose:
     """Return the base pose after a rotation of the joints in rad."""
 
 
 @of_model
-def counts_turns(model: Lengths, resolution: Numbers) -> bool:
+def counts_turns(model: Lengths, resolution: Joints) -> bool:
     """Return True if the encoders for the base's pose have a finite resolution."""

@@ -5,14 +5,27 @@
 Dry run of a mechanism of another package: mistakes in one line with their place.
 
 Every function of the interface is called in plain Python with example arguments, before it is
-compiled. A successful dry run is noted next to the compiled code.
+compiled. The annotations in `mechanism.py` select the arguments and contain the sizes of the
+results. A successful dry run is noted next to the compiled code.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from types import FunctionType, NoneType
+from typing import get_args, get_origin, get_type_hints
 
-from masmc_ros.aliases import Array
+from masmc_ros.aliases import (
+    Array,
+    Axes,
+    BasePose,
+    Function,
+    Joints,
+    Numbers,
+    Parameters,
+    Positions,
+)
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.jit.checked_lane import (
     check_decorators,
@@ -29,64 +42,29 @@ from masmc_ros.jit.record import fill, new_record
 from masmc_ros.jit.sources import closure, files_of
 from masmc_ros.mistakes import MistakeError, place_and_text
 from masmc_ros.params.declaration import Values
+from masmc_ros.robot import mechanism as interface
 from masmc_ros.robot.declaration import Mechanism, Outline
+from masmc_ros.robot.formula_types import HasGeometry, LawMemory, LawSettings, Lengths
 import numpy as np
 
 _PACKAGE = str(Path(__file__).parents[1])
 
-_SETTINGS = (
-    Field('nominal', 'parameters'),
-    Field('period'),
-    Field('takes_rates', kind='i8'),
-    Field('gamma', 'parameters'),
-    Field('projection_lower'),
-    Field('projection_upper'),
-)
-"""Fields of `formula_types.LawSettings`."""
-
 _COUNT = 2
 """Number of rows of arrays of examples."""
 
-_RESULTS = {
-    'posture': ('position', ''),
-    'posture_of_joints': ('angles', ''),
-    'motion': ('rates', 'joints'),
-    'joint_rates': ('motion', 'joints'),
-    'joint_torques': ('forces', 'joints'),
-    'forces': ('torques', 'joints'),
-    'position_rates': ('posture rates', 'positions'),
-    'task_position': ('posture position', 'axes'),
-    'task_velocity': ('posture motion', 'axes'),
-    'task_error': ('posture position task', 'axes'),
-    'tracking': ('posture position motion desired', ''),
-    'motion_from_task': ('posture task motion', 'joints'),
-    'forces_from_task': ('posture task motion', 'joints'),
-    'reference_motion': ('posture position motion task task', ''),
-    'motion_error': ('posture motion motion task', 'joints'),
-    'regressor': ('posture motion motion motion', ''),
-    'regressor_times': ('regressor theta', 'joints'),
-    'regressor_transpose_times': ('regressor motion theta', 'parameters'),
-    'inertia': ('posture theta', ''),
-    'inertia_times': ('inertia motion', 'joints'),
-    'inertia_solve': ('inertia forces', 'joints'),
-    'coriolis': ('posture theta motion', 'joints'),
-    'task_inertia': ('posture theta task', ''),
-    'joint_accelerations': ('posture theta rates torques', 'joints'),
-    'weakest_motion': ('theta', ''),
-    'consistency_normal': ('direction theta', 'parameters'),
-    'rate_command': ('motion', 'joints'),
-    'commanded_joint_rates': ('command', 'joints'),
-    'dead_reckoned': ('pose rates', 'base'),
-    'counts_turns': ('rates', ''),
-    'theta_step': ('settings theta theta period', 'parameters'),
-    'preserves_consistency': ('settings', ''),
+_FORMULAS: dict[str, Function] = {
+    name: function
+    for name, function in vars(interface).items()
+    if isinstance(function, FunctionType) and is_generated(function)
 }
-"""Arguments after the lengths, and size of the result; in an order in which results are known."""
+"""Functions of `mechanism.py` in their order there; each result is known before it is used."""
 
-_FUNCTIONS = (
-    'constants', 'start', 'out_of_reach', 'base_motion', 'frame_origins', 'frame_transforms',
-    'description', 'outline', 'model_of', *_RESULTS,
+_NAMES = (
+    'MODEL', 'constants', 'start', 'out_of_reach', 'base_motion', 'frame_origins',
+    'frame_transforms', 'description', 'outline',
+    *(name for name, function in _FORMULAS.items() if not vars(function)['has_default']),
 )  # fmt: skip
+"""Names that every mechanism has."""
 
 
 def check(mechanism: Mechanism, values: Values) -> None:
@@ -120,12 +98,12 @@ def run_dry(mechanism: Mechanism, values: Values) -> None:
     files = {file for file in closure(own) if file in own or not file.startswith(_PACKAGE)}
     try:
         _check_names(mechanism)
-        formulas = [getattr(module, name) for name in ('model_of', *_RESULTS)]
-        check_decorators(formulas, files)
-        for formula, name in zip(formulas, ('model_of', *_RESULTS), strict=True):
+        formulas = {name: vars(module)[name] for name in _FORMULAS if name in vars(module)}
+        check_decorators(formulas.values(), files)
+        for name, formula in formulas.items():
             _check_is_formula(name, formula)
         with interpreted(), np.errstate(all='ignore'):
-            _run(mechanism, values)
+            _run(mechanism, values, formulas)
     except Exception as error:  # of formulas with any mistake
         line = place_and_text(error, files, ', '.join(sorted(own)))
         raise InputError(f'robot.mechanism = {mechanism.name}: {line}') from error
@@ -134,7 +112,7 @@ def run_dry(mechanism: Mechanism, values: Values) -> None:
 def _check_names(mechanism: Mechanism) -> None:
     """Raise MistakeError if the module lacks a part of the interface, or its lengths differ."""
     module, known = mechanism.formulas, vars(mechanism.formulas)
-    for name in ('MODEL', *_FUNCTIONS):
+    for name in _NAMES:
         if name not in known:
             raise MistakeError(
                 f'{mechanism.module} has no {name!r}: expected all names of robot/mechanism.py, '
@@ -158,7 +136,7 @@ def _check_is_formula(name: str, formula: object) -> None:
         )
 
 
-def _run(mechanism: Mechanism, values: Values) -> None:
+def _run(mechanism: Mechanism, values: Values, formulas: Mapping[str, Function]) -> None:
     module, sizes = mechanism.formulas, mechanism.sizes
     lengths, theta = module.constants(values)
     check_vector('constants', tuple(lengths), sizes['lengths'], per='the lengths')
@@ -168,42 +146,85 @@ def _run(mechanism: Mechanism, values: Values) -> None:
     position = module.start(values, pose, angles)
     check_vector('start', position, sizes['positions'], per='base, then joints')
 
-    record = new_record((Field('geometry', 'lengths'),), sizes, 1, {'mechanism': mechanism.tag})
-    fill(record, 'geometry', np.array(lengths))
-    model = module.model_of(CheckedLane(record[0], 'record'))
-    if not isinstance(model, module.MODEL):
-        raise MistakeError(f'model_of returns {text_of(model)}: expected {module.MODEL.__name__}')
-
-    def example(size: str) -> tuple[float, ...]:
-        return tuple(np.linspace(0.1, 0.3, sizes[size]).tolist())
-
-    task, motion = example('axes'), example('joints')
-    known: dict[str, object] = {
-        'position': position, 'angles': angles, 'task': task, 'desired': (task, task, task),
-        'theta': tuple(theta), 'pose': position[:sizes['base']], 'period': 1e-3,
-        'settings': _settings(mechanism, theta),
-    }  # fmt: skip
-    known |= dict.fromkeys(('motion', 'rates', 'torques', 'forces', 'command'), motion)
-    for name, (arguments, size) in _RESULTS.items():
-        result = getattr(module, name)(model, *(known[argument] for argument in arguments.split()))
-        if size:
-            check_vector(name, result, sizes[size], per=f'the {size}')
-        elif result is None:
-            raise MistakeError(f'{name} returns nothing: expected a result')
-        if name in ('posture', 'regressor', 'inertia'):
-            known[name] = result
-        elif name == 'weakest_motion':
-            known['direction'] = result[1]
-        elif name == 'reference_motion':
-            for part, text in zip(result[:2], ('v_r', 'a_r'), strict=True):
-                check_vector(f'{name}, {text},', part, sizes['joints'], per='the joints')
+    examples = _examples(mechanism, tuple(lengths), tuple(theta), position)
+    for name, formula in formulas.items():
+        *kinds, kind = get_type_hints(_FORMULAS[name], include_extras=True).values()
+        result = formula(*(_example(argument, examples) for argument in kinds))
+        _check_result(name, result, kind, mechanism)
+        examples.setdefault(kind, result)
     _run_arrays(mechanism, values, np.array(lengths), position)
+
+
+def _examples(
+    mechanism: Mechanism, lengths: Numbers, theta: Numbers, position: Numbers
+) -> dict[object, object]:
+    """Return examples of arguments by their types; those of results follow."""
+    sizes, tags = mechanism.sizes, {'mechanism': mechanism.tag}
+    record = new_record((Field('geometry', 'lengths'),), sizes, 1, tags)
+    fill(record, 'geometry', np.array(lengths))
+    memory = new_record(_fields_of(LawMemory), sizes, 1, tags)
+    axes, joints = (
+        tuple(np.linspace(0.1, 0.3, sizes[size]).tolist()) for size in ('axes', 'joints')
+    )
+    return {
+        HasGeometry: CheckedLane(record[0], 'record'),
+        LawSettings: _settings(mechanism, theta),
+        LawMemory: CheckedLane(memory[0], 'memory', is_writable=True),
+        float: 1e-3,
+        Axes: axes,
+        BasePose: position[:sizes['base']],
+        Joints: joints,
+        Parameters: theta,
+        Positions: position,
+    }
+
+
+def _size_of(kind: object) -> str:
+    """Return the name in an annotated type, such as the size of a vector; '' without one."""
+    return str(getattr(kind, '__metadata__', ('',))[0])
+
+
+def _fields_of(kind: type) -> tuple[Field, ...]:
+    """Return the fields of a record that has the attributes of a class."""
+    hints = get_type_hints(kind, include_extras=True).items()
+    return tuple(
+        Field(name, _size_of(hint), kind='i8' if hint is int else 'f8') for name, hint in hints
+    )
+
+
+def _example(kind: object, examples: dict[object, object]) -> object:
+    """Return an example of a type; that of a tuple has an example of each entry."""
+    if get_origin(kind) is tuple:
+        return tuple(_example(entry, examples) for entry in get_args(kind))
+    return examples[kind]
+
+
+def _check_result(name: str, result: object, kind: object, mechanism: Mechanism) -> None:
+    """Raise MistakeError unless a result has the size that the annotation `kind` names."""
+    model, size = mechanism.formulas.MODEL, _size_of(kind)
+    if size in mechanism.sizes:
+        check_vector(name, result, mechanism.sizes[size], per=f'the {size}')
+    elif result is None and kind is not NoneType:
+        raise MistakeError(f'{name} returns nothing: expected a result')
+    elif kind == Lengths and not isinstance(result, model):
+        raise MistakeError(f'{name} returns {text_of(result)}: expected {model.__name__}')
+    elif get_origin(kind) is tuple:
+        entries = result if isinstance(result, tuple) else ()
+        kinds = get_args(kind)
+        if kinds[-1] is Ellipsis:
+            kinds = kinds[:1] * len(entries)
+        if not entries or len(entries) != len(kinds):
+            raise MistakeError(
+                f'{name} returns {text_of(result)}: expected a tuple of {len(kinds) or "vectors"}'
+            )
+        for number, (entry, of_entry) in enumerate(zip(entries, kinds, strict=True)):
+            _check_result(f'{name}, entry {number},', entry, of_entry, mechanism)
 
 
 def _settings(mechanism: Mechanism, theta: tuple[float, ...]) -> CheckedLane:
     """Return example settings of a law with all fields that formulas of mechanisms read."""
     own = (field_of(parameter) for parameter in mechanism.law_parameters)
-    fields = (*_SETTINGS, *(field for field in own if field is not None))
+    fields = (*_fields_of(LawSettings), *(field for field in own if field is not None))
     record = new_record(fields, mechanism.sizes, 1, {'mechanism': mechanism.tag})
     fill(record, 'nominal', np.array(theta))
     fill(record, 'gamma', 1.0)

@@ -5,12 +5,12 @@
 Formulas for tasks with as many axes as joints, whose errors are differences of coordinates.
 
 Mechanisms with such a task import them. In addition to the other formulas of the interface they
-have the first two formulas below.
+have the first three formulas below.
 """
 
 from __future__ import annotations
 
-from masmc_ros.aliases import Columns, Numbers
+from masmc_ros.aliases import Axes, Columns, Joints, Numbers
 from masmc_ros.jit.compiled import formula
 from masmc_ros.jit.tuples import elementwise, from_index, unit
 from masmc_ros.numerics.scalars import minus
@@ -21,14 +21,19 @@ from masmc_ros.robot.mechanism import of_model, Tracking
 
 @of_model
 def task_drift(
-    model: Lengths, posture: MechanismPosture, motion: Numbers, reference: Numbers
-) -> Numbers:
+    model: Lengths, posture: MechanismPosture, motion: Joints, reference: Joints
+) -> Axes:
     """Return Jdot(v) v_r."""
 
 
 @of_model
-def task_from_forces(model: Lengths, posture: MechanismPosture, forces: Numbers) -> Numbers:
+def task_from_forces(model: Lengths, posture: MechanismPosture, forces: Joints) -> Axes:
     """Return J^-T f."""
+
+
+@of_model
+def is_singular(model: Lengths, posture: MechanismPosture) -> bool:
+    """Return True if J of a square task cannot be inverted undamped."""
 
 
 @formula
@@ -67,7 +72,7 @@ def reference_motion(
     drift = task_drift(model, posture, motion, v_r)
     difference = elementwise(minus, acceleration, drift)
     a_r = mechanism.motion_from_task(model, posture, difference, motion)
-    return v_r, a_r, mechanism.is_singular(model, posture)
+    return v_r, a_r, is_singular(model, posture)
 
 
 @formula

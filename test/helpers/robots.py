@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from masmc_ros.robot.robot import Robot
 from masmc_ros.robot.two_link.constants import base_parameters
 from masmc_ros.robot.two_link.dynamics import BaseParameters
-from masmc_ros.robot.two_link.geometry import Geometry, Posture, quasi_velocity
+from masmc_ros.robot.two_link.geometry import Geometry, motion, Posture
 from masmc_ros.robot.two_link.kinematics import SINGULAR_SINE
 from masmc_ros.robot.two_link.paper_robot import TWO_LINK
 import numpy as np
@@ -178,7 +178,7 @@ def columns(function: Any) -> NDArray[Any]:
 
 def quasi_map(geometry: Geometry) -> Array:
     """Return the constant matrix (4 x 4) from reduced velocities to quasi-velocities."""
-    return columns(lambda *v: quasi_velocity(geometry, *v))
+    return columns(lambda *v: motion(geometry, v))
 
 
 def assert_agree(actual: ArrayLike, expected: ArrayLike, rel: float, scale: float = 0.0) -> None:

@@ -18,10 +18,10 @@ from helpers.robots import (
 )
 from hypothesis import given
 from hypothesis import strategies as st
-from masmc_ros.robot.two_link.consistency import is_consistent, normal, weakest_motion
+from masmc_ros.robot.two_link.consistency import consistency_normal, is_consistent, weakest_motion
 from masmc_ros.robot.two_link.constants import base_parameters
 from masmc_ros.robot.two_link.dynamics import BaseParameters, inertia, inertia_times
-from masmc_ros.robot.two_link.geometry import Geometry, posture
+from masmc_ros.robot.two_link.geometry import Geometry, posture_at
 import numpy as np
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -50,8 +50,8 @@ def entries_of(matrix: Array) -> BaseParameters:
 
 def reduced_inertia(theta: BaseParameters, geometry: Geometry, angles: Angles) -> Array:
     """Return H(q) (4, 4) in quasi-velocities."""
-    h = inertia(theta, geometry, posture(angles.yaw, angles.arm_1, angles.arm_2))
-    return columns(lambda *v: inertia_times(h, *v))
+    h = inertia(geometry, posture_at(angles.yaw, angles.arm_1, angles.arm_2), theta)
+    return columns(lambda *v: inertia_times(geometry, h, v))
 
 
 @st.composite
@@ -73,7 +73,7 @@ def any_parameters(draw: st.DrawFn) -> tuple[BaseParameters, Geometry]:
 @PROPERTY
 @given(machines())
 def test_consistency_parameters_of_bodies_is_true(robot: Machine) -> None:
-    assert is_consistent(robot.theta, robot.geometry)
+    assert is_consistent(robot.geometry, robot.theta)
     assert np.linalg.eigvalsh(stretched(robot.theta, robot.geometry))[0] > 0.0
 
 
@@ -87,7 +87,7 @@ def test_consistency_is_true_if_q_is_positive_definite(
     scaled = matrix / np.sqrt(np.outer(np.diag(matrix), np.diag(matrix)))
     least = np.linalg.eigvalsh(scaled)[0]
     if abs(least) > 1e-12:
-        assert is_consistent(theta, geometry) == (least > 0.0)
+        assert is_consistent(geometry, theta) == (least > 0.0)
 
 
 @PROPERTY
@@ -96,11 +96,12 @@ def test_weakest_motion_pivot_equals_its_quadratic_form(
     drawn: tuple[BaseParameters, Geometry]
 ) -> None:
     theta, geometry = drawn
-    pivot, *motion = weakest_motion(theta, geometry)
+    pivot, motion = weakest_motion(geometry, theta)
     x, matrix = np.array(motion), stretched(theta, geometry)
     size = float(np.abs(x) @ np.abs(matrix) @ np.abs(x))
     assert_agree(x @ matrix @ x, pivot, 1e-12, scale=size)
-    assert_agree(np.array(normal(geometry, *motion)) @ np.array(theta), pivot, 1e-12, scale=size)
+    normal = np.array(consistency_normal(geometry, motion, theta))
+    assert_agree(normal @ np.array(theta), pivot, 1e-12, scale=size)
 
 
 @PROPERTY
@@ -111,7 +112,7 @@ def test_consistent_parameters_inertia_is_positive_definite(
     theta, geometry = drawn
     matrix = reduced_inertia(theta, geometry, angles)
     scaled = matrix / np.sqrt(np.outer(np.diag(matrix), np.diag(matrix)))
-    if is_consistent(theta, geometry):
+    if is_consistent(geometry, theta):
         assert np.linalg.eigvalsh(scaled)[0] > -1e-13
 
 

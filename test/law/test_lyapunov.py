@@ -26,8 +26,8 @@ from masmc_ros.law.plug_in import TickInput
 from masmc_ros.law.registry import LAWS
 from masmc_ros.loop import records
 from masmc_ros.loop.dense import tick_input
-from masmc_ros.robot.two_link.dynamics import coriolis
-from masmc_ros.robot.two_link.geometry import joint_torque, posture, quasi_velocity
+from masmc_ros.robot.two_link.dynamics import coriolis_times
+from masmc_ros.robot.two_link.geometry import joint_torques, motion, posture_at
 from masmc_ros.robot.two_link.kinematics import task_drift, task_position
 from masmc_ros.robot.two_link.paper_robot import TWO_LINK
 import numpy as np
@@ -84,8 +84,8 @@ class Situation:
             0.0, 0.0, self.angles.yaw, 0.0, 0.0, self.angles.arm_1, self.angles.arm_2, *self.rates
         )
         rate = derivative(self.robot.theta, geometry, state, tuple(torque.tolist()))
-        kinematics = posture(self.angles.yaw, self.angles.arm_1, self.angles.arm_2)
-        v = quasi_velocity(geometry, *self.rates)
+        kinematics = posture_at(self.angles.yaw, self.angles.arm_1, self.angles.arm_2)
+        v = motion(geometry, self.rates)
         acceleration = t.jacobian @ np.array(rate[7:]) + task_drift(geometry, kinematics, v, v)
         sigma = np.asarray(t.gains['sigma'])
         return acceleration - (t.reference[2] - sigma * t.error_rate)
@@ -93,12 +93,12 @@ class Situation:
     def coriolis_force(self) -> Array:
         """Return V_x s (4) of (11)."""
         t, geometry = self.tick, self.robot.geometry
-        kinematics = posture(self.angles.yaw, self.angles.arm_1, self.angles.arm_2)
-        v = quasi_velocity(geometry, *self.rates)
+        kinematics = posture_at(self.angles.yaw, self.angles.arm_1, self.angles.arm_2)
+        v = motion(geometry, self.rates)
         along = t.inverse_jacobian @ t.surface
-        along_quasi = quasi_velocity(geometry, *along.tolist())
-        force = coriolis(self.robot.theta, geometry, kinematics, v, along_quasi)
-        own = joint_torque(geometry, *force)
+        along_quasi = motion(geometry, along.tolist())
+        force = coriolis_times(geometry, kinematics, self.robot.theta, v, along_quasi)
+        own = joint_torques(geometry, force)
         drift = task_drift(geometry, kinematics, v, along_quasi)
         turning = t.inertia @ t.inverse_jacobian @ np.array(drift)
         return t.inverse_jacobian.T @ (np.array(own) - turning)
@@ -204,8 +204,8 @@ def test_lyapunov_function_small_switching_gains_grows() -> None:
         np.zeros(4),
     )
     # A reference 1 mm off in every axis, and a disturbance along s above K_s2 = 1 N.
-    kinematics = posture(angles.yaw, angles.arm_1, angles.arm_2)
-    x = np.array(task_position(robot.geometry, kinematics, 0.2, -0.1))
+    kinematics = posture_at(angles.yaw, angles.arm_1, angles.arm_2)
+    x = np.array(task_position(robot.geometry, kinematics, (0.2, -0.1, 0.0, 0.0, 0.0, 0.0, 0.0)))
     reference = np.concatenate([x - 1e-3, np.zeros(8)])
     disturbance = still.tick.jacobian.T @ np.full(4, 2.0)
     near = Situation(

@@ -67,7 +67,7 @@ def test_projection_any_gradient_keeps_estimate_consistent(
         theta = BaseParameters(*projected.estimate.tolist())
         assert (bounds[0] <= projected.estimate).all()
         assert (projected.estimate <= bounds[1]).all()
-        assert is_consistent(theta, robot.geometry)
+        assert is_consistent(robot.geometry, theta)
         rounding = 1e-9 * upper
         q = stretched(theta, robot.geometry)
         assert least_eigenvalue(q, q_nominal) > MARGIN * lower - rounding

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from masmc_ros.errors import InputError
 from masmc_ros.loop.simulated_robot import plant_of, SimulatedRobot
 from masmc_ros.robot.two_link.dynamics import BaseParameters, inertia, inertia_times
-from masmc_ros.robot.two_link.geometry import Geometry, posture, quasi_velocity
+from masmc_ros.robot.two_link.geometry import Geometry, motion, posture_at
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
@@ -55,11 +55,11 @@ def rotors(plant: SimulatedRobot) -> tuple[Array, Array]:
 def energy(plant: SimulatedRobot, stiffness: Array, rotor: float = 0.1) -> float:
     """Return the energy of links, rotors and springs in J."""
     geometry, theta = Geometry(*plant.robot.geometry), BaseParameters(*plant.robot.theta)
-    v = quasi_velocity(geometry, *plant.true_velocity[3:].tolist())
-    h = inertia(theta, geometry, posture(*plant.true_position[[2, 5, 6]].tolist()))
+    v = motion(geometry, plant.true_velocity[3:].tolist())
+    h = inertia(geometry, posture_at(*plant.true_position[[2, 5, 6]].tolist()), theta)
     angles, rates = rotors(plant)
     twist = angles - plant.true_position[3:]
-    of_links = 0.5 * float(np.dot(v, inertia_times(h, *v)))
+    of_links = 0.5 * float(np.dot(v, inertia_times(geometry, h, v)))
     return of_links + 0.5 * float(rotor * rates @ rates + stiffness @ twist**2)
 
 

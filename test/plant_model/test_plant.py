@@ -30,7 +30,7 @@ from masmc_ros.loop.closed_loop import plant_start, plant_tick
 from masmc_ros.loop.simulated_robot import SimulatedRobot, write_start
 from masmc_ros.robot.robot import Robot, robot_of
 from masmc_ros.robot.two_link.dynamics import inertia, inertia_times
-from masmc_ros.robot.two_link.geometry import posture, quasi_velocity
+from masmc_ros.robot.two_link.geometry import motion, posture_at
 from masmc_ros.robot.two_link.paper_robot import TWO_LINK
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
@@ -95,10 +95,10 @@ class Plant:
     @property
     def energy(self) -> float:
         """Kinetic energy in J."""
-        v = quasi_velocity(self.robot.geometry, *self.velocity[3:].tolist())
-        kinematics = posture(*self.position[[2, 5, 6]].tolist())
-        h = inertia(self.robot.theta, self.robot.geometry, kinematics)
-        return 0.5 * float(np.dot(v, inertia_times(h, *v)))
+        v = motion(self.robot.geometry, self.velocity[3:].tolist())
+        kinematics = posture_at(*self.position[[2, 5, 6]].tolist())
+        h = inertia(self.robot.geometry, kinematics, self.robot.theta)
+        return 0.5 * float(np.dot(v, inertia_times(self.robot.geometry, h, v)))
 
 
 @PROPERTY
@@ -178,7 +178,7 @@ def test_plant_initial_pose_is_pose_of_centre_of_mass(
     heading = np.array([math.cos(yaw), math.sin(yaw)])
     assert_agree(position[:2] + offset * heading, pose[:2], 1e-14)
     assert position[2:].tolist() == [yaw, *joints]
-    u, w, _, _ = quasi_velocity(robot.geometry, *rates)
+    u, w, _, _ = motion(robot.geometry, rates)
     assert_agree(velocity[:2], u * heading, 1e-14, scale=1.0)
     assert velocity[2:].tolist() == [w, *rates]
 

@@ -38,7 +38,7 @@ from masmc_ros.loop import records
 from masmc_ros.loop.dense import tick_input
 from masmc_ros.robot.two_link.dynamics import (
     BaseParameters,
-    coriolis,
+    coriolis_times,
     Inertia,
     inertia,
     inertia_solve,
@@ -47,8 +47,8 @@ from masmc_ros.robot.two_link.dynamics import (
     regressor_times,
     regressor_transpose_times,
 )
-from masmc_ros.robot.two_link.geometry import Posture, posture, quasi_velocity
-from masmc_ros.robot.two_link.kinematics import quasi_from_task, task_drift, task_force_from_quasi
+from masmc_ros.robot.two_link.geometry import motion, Posture, posture_at
+from masmc_ros.robot.two_link.kinematics import motion_from_task, task_drift, task_from_forces
 from masmc_ros.robot.two_link.paper_robot import TWO_LINK
 import numpy as np
 import pytest
@@ -58,34 +58,34 @@ ROBOT = Machine(DEFAULT)
 
 def kinematics_at_rest(angles: Angles) -> Posture:
     """Return the kinematics of angles at rest."""
-    return posture(angles.yaw, angles.arm_1, angles.arm_2)
+    return posture_at(angles.yaw, angles.arm_1, angles.arm_2)
 
 
 def inertia_matrix(robot: Machine, kinematics: Posture) -> Any:
     """Return H in quasi-velocities (4 x 4)."""
-    h = inertia(robot.theta, robot.geometry, kinematics)
-    return columns(lambda *v: inertia_times(h, *v))
+    h = inertia(robot.geometry, kinematics, robot.theta)
+    return columns(lambda *v: inertia_times(robot.geometry, h, v))
 
 
 def coriolis_matrix(robot: Machine, kinematics: Posture, velocity: Quad) -> Array:
     """Return V(v) in quasi-velocities (4 x 4)."""
-    return columns(lambda *v: coriolis(robot.theta, robot.geometry, kinematics, velocity, v))
+    return columns(lambda *v: coriolis_times(robot.geometry, kinematics, robot.theta, velocity, v))
 
 
 def task_matrix(robot: Machine, kinematics: Posture, force: Callable[[Quad], Quad]) -> Any:
     """Return J^-T (force of J^-1 x), column by column (4 x 4)."""
     geometry = robot.geometry
     return columns(
-        lambda *x: task_force_from_quasi(
-            geometry, kinematics, *force(quasi_from_task(geometry, kinematics, *x))
+        lambda *x: task_from_forces(
+            geometry, kinematics, force(motion_from_task(geometry, kinematics, x, x))
         )
     )
 
 
 def inertia_x(robot: Machine, kinematics: Posture) -> Any:
     """Return H_x = J^-T H J^-1 of (11)."""
-    h = inertia(robot.theta, robot.geometry, kinematics)
-    return task_matrix(robot, kinematics, lambda v: inertia_times(h, *v))
+    h = inertia(robot.geometry, kinematics, robot.theta)
+    return task_matrix(robot, kinematics, lambda v: inertia_times(robot.geometry, h, v))
 
 
 def test_base_parameters_default_robot_equal_known_values() -> None:
@@ -144,13 +144,14 @@ def test_task_inertia_rate_minus_2_coriolis_is_skew_symmetric(
     robot: Machine, angles: Angles, velocity: Quad
 ) -> None:
     kinematics, geometry = kinematics_at_rest(angles), robot.geometry
-    h = inertia(robot.theta, geometry, kinematics)
+    h = inertia(geometry, kinematics, robot.theta)
 
     def force(v_r: Quad) -> Quad:
         """Return (V - H J^-1 Jdot) v_r of (11)."""
         drift = task_drift(geometry, kinematics, velocity, v_r)
-        turning = inertia_times(h, *quasi_from_task(geometry, kinematics, *drift))
-        own = coriolis(robot.theta, geometry, kinematics, velocity, v_r)
+        along = motion_from_task(geometry, kinematics, drift, drift)
+        turning = inertia_times(geometry, h, along)
+        own = coriolis_times(geometry, kinematics, robot.theta, velocity, v_r)
         return (
             own[0] - turning[0],
             own[1] - turning[1],
@@ -173,10 +174,11 @@ def test_dynamics_are_linear_in_base_parameters(
 ) -> None:
     kinematics, geometry, theta = kinematics_at_rest(angles), robot.geometry, robot.theta
     y = regressor(geometry, kinematics, velocity, reference, acceleration)
-    inertial = np.array(inertia_times(inertia(theta, geometry, kinematics), *acceleration))
-    forces = inertial + coriolis(theta, geometry, kinematics, velocity, reference)
+    h = inertia(geometry, kinematics, theta)
+    inertial = np.array(inertia_times(geometry, h, acceleration))
+    forces = inertial + coriolis_times(geometry, kinematics, theta, velocity, reference)
     size = np.abs(inertial).max() + np.abs(forces).max() + 1e-9
-    assert_agree(regressor_times(y, theta), forces, 1e-13, scale=size)
+    assert_agree(regressor_times(geometry, y, theta), forces, 1e-13, scale=size)
 
 
 @PROPERTY
@@ -192,8 +194,8 @@ def test_regressor_transpose_equals_transposed_regressor(
 ) -> None:
     y = regressor(robot.geometry, kinematics_at_rest(angles), velocity, reference, acceleration)
     unit = BaseParameters(*(float(j == column) for j in range(BASE_PARAMETERS)))
-    force = regressor_times(y, unit)
-    gradient = regressor_transpose_times(y, *motion)
+    force = regressor_times(robot.geometry, y, unit)
+    gradient = regressor_transpose_times(robot.geometry, y, motion, robot.theta)
     size = np.abs(force).max() * 3.0 + 1e-9
     assert_agree(gradient[column], np.dot(force, motion), 1e-14, scale=size)
 
@@ -205,21 +207,21 @@ def test_base_parameters_are_a_minimal_set(robot: Machine, seed: int) -> None:
     rng = np.random.default_rng(seed)
     rows = []
     for _ in range(12):
-        kinematics = posture(*rng.uniform(-3.0, 3.0, 3).tolist())
+        kinematics = posture_at(*rng.uniform(-3.0, 3.0, 3).tolist())
         v, v_r, a_r = (tuple(rng.uniform(-2.0, 2.0, 4).tolist()) for _ in range(3))
         y = regressor(robot.geometry, kinematics, v, v_r, a_r)
         units = np.eye(BASE_PARAMETERS).tolist()
-        rows.append(np.array([regressor_times(y, BaseParameters(*u)) for u in units]).T)
+        rows.append(np.array([regressor_times(robot.geometry, y, unit) for unit in units]).T)
     assert np.linalg.matrix_rank(np.vstack(rows), tol=1e-6) == BASE_PARAMETERS
 
 
 @PROPERTY
 @given(machines(), all_angles(), quads(50.0))
 def test_inertia_solve_inverts_inertia_times(robot: Machine, angles: Angles, force: Quad) -> None:
-    h: Inertia = inertia(robot.theta, robot.geometry, kinematics_at_rest(angles))
-    solved = inertia_solve(h, *force)
+    h: Inertia = inertia(robot.geometry, kinematics_at_rest(angles), robot.theta)
+    solved = inertia_solve(robot.geometry, h, force)
     size = np.abs(np.array(h)).max() * np.abs(solved).max() + 1e-9
-    assert_agree(inertia_times(h, *solved), force, 1e-13, scale=size)
+    assert_agree(inertia_times(robot.geometry, h, solved), force, 1e-13, scale=size)
 
 
 def plant_state(angles: Angles, rates: Quad) -> PlantState:
@@ -229,8 +231,8 @@ def plant_state(angles: Angles, rates: Quad) -> PlantState:
 
 def kinetic_energy(robot: Machine, state: PlantState) -> Any:
     """Return the kinetic energy in J."""
-    v = np.array(quasi_velocity(robot.geometry, *state[7:]))
-    kinematics = posture(state.yaw, state.arm_1, state.arm_2)
+    v = np.array(motion(robot.geometry, state[7:]))
+    kinematics = posture_at(state.yaw, state.arm_1, state.arm_2)
     return 0.5 * v @ inertia_matrix(robot, kinematics) @ v
 
 
@@ -241,8 +243,8 @@ def test_plant_power_equals_power_of_torques(
 ) -> None:
     state = plant_state(angles, rates)
     rate = derivative(robot.theta, robot.geometry, state, torque)
-    v = np.array(quasi_velocity(robot.geometry, *rates))
-    v_dot = np.array(quasi_velocity(robot.geometry, *rate[7:]))
+    v = np.array(motion(robot.geometry, rates))
+    v_dot = np.array(motion(robot.geometry, rate[7:]))
     h = inertia_matrix(robot, kinematics_at_rest(angles))
     h_dot = np.imag(inertia_matrix(robot, angles.moving(tuple(v.tolist())))) / STEP
     power = v @ h @ v_dot + 0.5 * v @ h_dot @ v

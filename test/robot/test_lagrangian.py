@@ -23,16 +23,16 @@ from helpers.robots import (
 )
 from hypothesis import given
 from masmc_ros.robot.two_link.dynamics import (
-    coriolis,
+    coriolis_times,
     inertia,
     inertia_times,
     regressor,
     regressor_times,
 )
-from masmc_ros.robot.two_link.geometry import joint_torque, posture, quasi_velocity
+from masmc_ros.robot.two_link.geometry import joint_torques, motion, posture_at
 from masmc_ros.robot.two_link.kinematics import (
-    quasi_force_from_task,
-    quasi_from_task,
+    forces_from_task,
+    motion_from_task,
     task_drift,
     task_velocity,
 )
@@ -63,9 +63,9 @@ def test_lagrangian_null_space_fulfils_constraints(
 @PROPERTY
 @given(machines(), all_angles())
 def test_reduced_inertia_equals_lagrangian(robot: Machine, angles: Angles) -> None:
-    h = inertia(robot.theta, robot.geometry, posture(angles.yaw, angles.arm_1, angles.arm_2))
+    h = inertia(robot.geometry, posture_at(angles.yaw, angles.arm_1, angles.arm_2), robot.theta)
     q = quasi_map(robot.geometry)
-    actual = q.T @ columns(lambda *v: inertia_times(h, *v)) @ q
+    actual = q.T @ columns(lambda *v: inertia_times(robot.geometry, h, v)) @ q
     expected = derived(robot, angles, (0.0, 0.0, 0.0, 0.0)).reduced_inertia
     assert_agree(actual, expected, TOLERANCE)
 
@@ -73,11 +73,11 @@ def test_reduced_inertia_equals_lagrangian(robot: Machine, angles: Angles) -> No
 def reduced_coriolis(robot: Machine, kinematics: Array, rates: Quad) -> Array:
     """Return V(v) of the kernel in reduced velocities (4 x 4)."""
     geometry = robot.geometry
-    velocity = quasi_velocity(geometry, *rates)
+    velocity = motion(geometry, rates)
     return columns(
-        lambda *v_r: joint_torque(
+        lambda *v_r: joint_torques(
             geometry,
-            *coriolis(robot.theta, geometry, kinematics, velocity, quasi_velocity(geometry, *v_r)),
+            coriolis_times(geometry, kinematics, robot.theta, velocity, motion(geometry, v_r)),
         )
     )
 
@@ -85,7 +85,7 @@ def reduced_coriolis(robot: Machine, kinematics: Array, rates: Quad) -> Array:
 @PROPERTY
 @given(machines(), all_angles(), quads())
 def test_coriolis_matrix_equals_lagrangian(robot: Machine, angles: Angles, rates: Quad) -> None:
-    actual = reduced_coriolis(robot, posture(angles.yaw, angles.arm_1, angles.arm_2), rates)
+    actual = reduced_coriolis(robot, posture_at(angles.yaw, angles.arm_1, angles.arm_2), rates)
     m = derived(robot, angles, rates)
     size = np.abs(m.printed_coriolis).max() + np.abs(m.reduced_inertia).max() * 1e-3
     assert_agree(actual, m.reduced_coriolis, TOLERANCE, scale=size)
@@ -99,12 +99,12 @@ def test_regressor_equals_lagrangian(
     geometry = robot.geometry
     y = regressor(
         geometry,
-        posture(angles.yaw, angles.arm_1, angles.arm_2),
-        quasi_velocity(geometry, *rates),
-        quasi_velocity(geometry, *reference),
-        quasi_velocity(geometry, *acceleration),
+        posture_at(angles.yaw, angles.arm_1, angles.arm_2),
+        motion(geometry, rates),
+        motion(geometry, reference),
+        motion(geometry, acceleration),
     )
-    actual = joint_torque(geometry, *regressor_times(y, robot.theta))
+    actual = joint_torques(geometry, regressor_times(robot.geometry, y, robot.theta))
     m = derived(robot, angles, rates)
     inertial = m.reduced_inertia @ np.array(acceleration)
     expected = inertial + m.reduced_coriolis @ np.array(reference)
@@ -138,22 +138,22 @@ def test_task_jacobian_inverse_and_drift_equal_lagrangian(
     robot: Machine, angles: Angles, rates: Quad, reference: Quad
 ) -> None:
     geometry = robot.geometry
-    kinematics = posture(angles.yaw, angles.arm_1, angles.arm_2)
+    kinematics = posture_at(angles.yaw, angles.arm_1, angles.arm_2)
     m = derived(robot, angles, rates)
     jacobian = m.jacobian
-    actual = columns(lambda *v: task_velocity(geometry, kinematics, *quasi_velocity(geometry, *v)))
+    actual = columns(lambda *v: task_velocity(geometry, kinematics, motion(geometry, v)))
     assert_agree(actual, jacobian, TOLERANCE)
     q = quasi_map(geometry)
-    back = columns(lambda *x: quasi_from_task(geometry, kinematics, *x))
+    back = columns(lambda *x: motion_from_task(geometry, kinematics, x, x))
     assert_agree(q @ np.linalg.inv(jacobian), back, 1e-10)
     transposed = columns(
-        lambda *f: joint_torque(geometry, *quasi_force_from_task(geometry, kinematics, *f))
+        lambda *f: joint_torques(geometry, forces_from_task(geometry, kinematics, f, f))
     )
     assert_agree(transposed, jacobian.T, TOLERANCE)
     drift = task_drift(
         geometry,
         kinematics,
-        quasi_velocity(geometry, *rates),
-        quasi_velocity(geometry, *reference),
+        motion(geometry, rates),
+        motion(geometry, reference),
     )
     assert_agree(drift, m.jacobian_rate @ np.array(reference), TOLERANCE, scale=10.0)

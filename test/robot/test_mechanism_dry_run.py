@@ -38,6 +38,15 @@ MISTAKES = {
         'return model.pulley * rates[0], rates[0]',
         'position_rates returns a tuple of 2: expected a vector of 3 numbers, the positions',
     ),
+    'too few components of an entry': (
+        'return theta[2] - part * theta[1], (-part, 1.0)',
+        'return theta[2] - part * theta[1], (-part,)',
+        'weakest_motion, entry 1, returns a tuple of 1: expected a vector of 2 numbers',
+    ),
+    'too few entries': (
+        'return theta[2] - part * theta[1], (-part, 1.0)', 'return -part, 1.0, part',
+        'weakest_motion returns a tuple of 3: expected a tuple of 2',
+    ),
     'number instead of vector': (
         'return model.pulley * forces[0], forces[1]', 'return model.pulley * forces[0]',
         'joint_torques returns float',

@@ -22,7 +22,7 @@ from helpers.robots import (
     PROPERTY,
 )
 from hypothesis import given
-from masmc_ros.robot.two_link.geometry import posture, quasi_velocity
+from masmc_ros.robot.two_link.geometry import motion, posture_at
 from masmc_ros.robot.two_link.kinematics import task_velocity
 import numpy as np
 
@@ -107,9 +107,9 @@ def test_equations_1_and_3_contradict_row_3_of_9(robot: Machine, angles: Angles)
 @given(machines(), all_angles())
 def test_equation_3_wheels_exchanged_equals_kinematics(robot: Machine, angles: Angles) -> None:
     geometry = robot.geometry
-    kinematics = posture(angles.yaw, angles.arm_1, angles.arm_2)
+    kinematics = posture_at(angles.yaw, angles.arm_1, angles.arm_2)
     jacobian = columns(
-        lambda *v: task_velocity(geometry, kinematics, *quasi_velocity(geometry, *v))
+        lambda *v: task_velocity(geometry, kinematics, motion(geometry, v))
     )
     assert_agree(jacobian, printed_3(robot, angles)[:, SWAP], 1e-12)
     assert_agree(jacobian[2:, :2], printed_1(robot, angles.yaw)[:, [1, 0]], 1e-12)

@@ -33,7 +33,7 @@ from masmc_ros.law.parts.fuzzy_sets import (
 )
 from masmc_ros.law.parts.inverse_dynamics import limited_force
 from masmc_ros.law.parts.model import ESTIMATE, model_torque
-from masmc_ros.law.parts.realisable import realisable
+from masmc_ros.law.parts.realisable import realisable_for_growth
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.tick import Tick
 from masmc_ros.params.declaration import Parameter
@@ -105,17 +105,11 @@ def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
 
 
 @formula
-def _realisable(s: float, excess: float, a: float, gamma: float, period: float) -> float:
-    """Return the s that fits the applied u; T gamma keeps the rules stable at any gains."""
-    return realisable(s, excess, a + period * gamma)
-
-
-@formula
 def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: Joints) -> None:
     """Adapt the rules by the s that fits the commanded torque."""
     gamma = settings.fuzzy_gain_gamma
     s = elementwise(
-        _realisable,
+        realisable_for_growth,
         tick.surface,
         limited_force(tick, raw, torque),
         settings.fuzzy_gain_a,

@@ -39,10 +39,10 @@ from masmc_ros.law.parts.fuzzy_sets import (
 )
 from masmc_ros.law.parts.inverse_dynamics import rate_error
 from masmc_ros.law.parts.model import ESTIMATE
-from masmc_ros.law.parts.realisable import realisable, secant
+from masmc_ros.law.parts.realisable import realisable_for_growth, secant
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.scalars import minus
+from masmc_ros.numerics.scalars import minus, plus
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 
@@ -170,21 +170,6 @@ def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
 
 
 @formula
-def _realisable(
-    z: float,
-    excess: float,
-    k: float,
-    k_h: float,
-    span: float,
-    gamma: float,
-    gamma_h: float,
-    period: float,
-) -> float:
-    """Return the z that fits the applied torque; the growth keeps the rules stable."""
-    return realisable(z, excess, secant(k, k_h, z, span) + period * (gamma + gamma_h))
-
-
-@formula
 def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: Joints) -> None:
     """Adapt all rules by the z that fits the commanded torque."""
     z = rate_error(tick)
@@ -192,17 +177,10 @@ def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: J
     gamma = settings.fuzzy_model_gamma
     gamma_h = settings.fuzzy_model_gamma_h
     pull = tick.period * settings.fuzzy_model_leak
-    fitting = elementwise(
-        _realisable,
-        z,
-        elementwise(minus, torque, raw),
-        settings.fuzzy_model_k,
-        settings.fuzzy_model_k_h,
-        settings.fuzzy_model_error_span,
-        gamma,
-        gamma_h,
-        tick.period,
-    )
+    k, k_h = settings.fuzzy_model_k, settings.fuzzy_model_k_h
+    slope = elementwise(secant, k, k_h, z, settings.fuzzy_model_error_span)
+    excess, growth = elementwise(minus, torque, raw), elementwise(plus, gamma, gamma_h)
+    fitting = elementwise(realisable_for_growth, z, excess, slope, growth, tick.period)
     train_rules(
         in_place(memory, 'fuzzy_model_theta'),
         first,

@@ -35,7 +35,7 @@ from masmc_ros.law.parts.fuzzy_sets import (
 )
 from masmc_ros.law.parts.inverse_dynamics import limited_motion, model_forces, rate_error
 from masmc_ros.law.parts.model import ESTIMATE
-from masmc_ros.law.parts.realisable import realisable, realisable_part, secant
+from masmc_ros.law.parts.realisable import realisable_for_growth, realisable_part, secant
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.reaching.saturation import saturation
 from masmc_ros.law.tick import Tick
@@ -149,12 +149,6 @@ def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
 
 
 @formula
-def _realisable(z: float, excess: float, slope: float, gamma: float, period: float) -> float:
-    """Return the z that fits the applied torque; T gamma keeps the rules stable."""
-    return realisable(z, excess, slope + period * gamma)
-
-
-@formula
 def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: Joints) -> None:
     """Adapt rules and robust gain by the z that fits the commanded torque."""
     z = rate_error(tick)
@@ -169,7 +163,7 @@ def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: J
         z,
         settings.hybrid_network_delta,
     )
-    fitting = elementwise(_realisable, z, excess, slope, gamma, tick.period)
+    fitting = elementwise(realisable_for_growth, z, excess, slope, gamma, tick.period)
     train_rules(
         in_place(memory, 'hybrid_network_weights'),
         first,

@@ -35,7 +35,7 @@ from masmc_ros.law.parts.fuzzy_sets import (
 )
 from masmc_ros.law.parts.inverse_dynamics import limited_force
 from masmc_ros.law.parts.model import ESTIMATE, model_torque
-from masmc_ros.law.parts.realisable import realisable, secant
+from masmc_ros.law.parts.realisable import realisable_for_growth, secant
 from masmc_ros.law.parts.surface import reference_acceleration, reference_velocity, SIGMA
 from masmc_ros.law.reaching.reaching import BOUNDARY_LAYER, reaching_force
 from masmc_ros.law.reaching.saturation import saturation
@@ -152,25 +152,14 @@ def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
 
 
 @formula
-def _realisable(s: float, excess: float, k: float, k_s: float, layer: float, step: float) -> float:
-    """Return the s that fits the applied u; `step` keeps the weights stable at any gains."""
-    return realisable(s, excess, secant(k, k_s, s, layer) + step)
-
-
-@formula
 def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: Joints) -> None:
     """Train the networks by the s that fits the commanded torque."""
     first, second = _inputs(settings, tick)
     rate = settings.rbf_sliding_rate
-    s = elementwise(
-        _realisable,
-        tick.surface,
-        limited_force(tick, raw, torque),
-        settings.rbf_sliding_k,
-        settings.rbf_sliding_k_s,
-        settings.boundary_layer,
-        tick.period * rate,
-    )
+    k, k_s = settings.rbf_sliding_k, settings.rbf_sliding_k_s
+    slope = elementwise(secant, k, k_s, tick.surface, settings.boundary_layer)
+    excess = limited_force(tick, raw, torque)
+    s = elementwise(realisable_for_growth, tick.surface, excess, slope, rate, tick.period)
     distance = math.sqrt(dot(s, s))
     train_rules(
         in_place(memory, 'rbf_sliding_weights'),

@@ -55,51 +55,8 @@ With a limit of the torque rate such a delay would make the loop oscillate, so n
 
 
 @formula
-def _same_state(settings: Settings, memory: Memory, state: State) -> State:
-    return state
-
-
-@formula
-def _same_torque(
-    settings: Settings, memory: Memory, posture: MechanismPosture, raw: Numbers
-) -> Numbers:
-    return raw
-
-
-@formula
-def _error_of_law(
-    settings: Settings, memory: Memory, desired: Numbers, rate: Numbers, error: Numbers
-) -> Numbers:
-    return error
-
-
-@formula
-def _tracking_gradient(settings: Settings, memory: Memory, tick: Tick) -> Numbers:
-    """Return Y' sigma of (23)."""
-    w = mechanism.motion_error(
-        tick.model, tick.posture, tick.velocity, tick.reference_velocity, tick.surface
-    )
-    return mechanism.regressor_transpose_times(tick.model, tick.regressor, w, tick.nominal)
-
-
-@formula
-def _one_period(settings: Settings) -> float:
-    return settings.period
-
-
-@formula
-def _never(settings: Settings) -> bool:
-    return False
-
-
-@formula
 def _always(settings: Settings) -> bool:
     return True
-
-
-@formula
-def _last_command(settings: Settings, memory: Memory) -> Numbers:
-    return memory.velocity_command
 
 
 @formula
@@ -158,11 +115,6 @@ def _measured_error(
 
 
 @formula
-def _ignored(settings: Settings, memory: Memory, periods: int) -> None:
-    return
-
-
-@formula
 def _counted(settings: CompensationSettings, memory: CompensationMemory, periods: int) -> None:
     memory.skipped += periods
     if memory.skipped > HISTORY:
@@ -170,16 +122,7 @@ def _counted(settings: CompensationSettings, memory: CompensationMemory, periods
 
 
 COMPENSATIONS = {
-    OFF: SimpleNamespace(
-        state_of_torque=_same_state,
-        base_command=_last_command,
-        reduced_torque=_same_torque,
-        error=_error_of_law,
-        gradient=_tracking_gradient,
-        horizon=_one_period,
-        is_on=_never,
-        note_skipped=_ignored,
-    ),
+    OFF: SimpleNamespace(),
     ON: SimpleNamespace(
         state_of_torque=predicted_state,
         base_command=_explaining_command,
@@ -191,9 +134,9 @@ COMPENSATIONS = {
         note_skipped=_counted,
     ),
 }
-"""Formulas by the tag `compensation` of the settings of a law."""
+"""Formulas by the tag `compensation` of the settings of a law; bodies below are those of OFF."""
 
-_dispatch = interface(by_tag('compensation', COMPENSATIONS.__getitem__))
+_dispatch = interface(by_tag('compensation', COMPENSATIONS.__getitem__), formula)
 
 
 @_dispatch
@@ -212,6 +155,7 @@ def state_of_torque(settings: Settings, memory: Memory, state: State) -> State:
         Measured state, and reference of its stamp.
 
     """
+    return state
 
 
 @_dispatch
@@ -221,6 +165,7 @@ def base_command(settings: Settings, memory: Memory) -> Numbers:
 
     They are those of the last tick. With compensation they include the effect of d.
     """
+    return memory.velocity_command
 
 
 @_dispatch
@@ -240,6 +185,7 @@ def reduced_torque(
         Joint torques of the law in N·m.
 
     """
+    return raw
 
 
 @_dispatch
@@ -259,6 +205,7 @@ def error(
         Error of the state in which the law was evaluated; it is returned without compensation.
 
     """
+    return error
 
 
 @_dispatch
@@ -276,16 +223,22 @@ def gradient(settings: Settings, memory: Memory, tick: Tick) -> Numbers:
         State and reference in which the law was evaluated.
 
     """
+    w = mechanism.motion_error(
+        tick.model, tick.posture, tick.velocity, tick.reference_velocity, tick.surface
+    )
+    return mechanism.regressor_transpose_times(tick.model, tick.regressor, w, tick.nominal)
 
 
 @_dispatch
 def horizon(settings: Settings) -> float:
     """Return the time in s in which the implicit law reaches the surface: h, or T if disabled."""
+    return settings.period
 
 
 @_dispatch
 def is_on(settings: Settings | Record) -> bool:
     """Return True if d is estimated here; laws then estimate no disturbance themselves."""
+    return False
 
 
 @_dispatch

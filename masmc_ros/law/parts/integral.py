@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from masmc_ros.jit.compiled import formula
-from masmc_ros.law.parts.realisable import realisable
+from masmc_ros.law.parts.realisable import realisable_for_growth
 
 
 @formula
@@ -36,5 +36,5 @@ def integrated(
         Control period T in s.
 
     """
-    conditioned = realisable(error, excess, k_p + period * k_i)
+    conditioned = realisable_for_growth(error, excess, k_p, k_i, period)
     return w + period * (conditioned if k_i > 0.0 else error)

@@ -318,27 +318,14 @@ def _kept_torque(
     return kept
 
 
-@formula
-def _unchanged(
-    settings: Settings,
-    memory: Memory,
-    posture: MechanismPosture,
-    angles: Numbers,
-    rates: Numbers,
-    before: Numbers,
-    torque: Numbers,
-) -> Numbers:
-    return torque
-
-
 LIMITS = {
-    OFF: SimpleNamespace(kept_torque=_unchanged),
+    OFF: SimpleNamespace(),
     ON: SimpleNamespace(kept_torque=_kept_torque),
 }
-"""Formulas by the tag `limits` of the settings of a law."""
+"""Formulas by the tag `limits` of the settings of a law; the body below is that of OFF."""
 
 
-@interface(by_tag('limits', LIMITS.__getitem__))
+@interface(by_tag('limits', LIMITS.__getitem__), formula)
 def kept_torque(
     settings: Settings,
     memory: Memory,
@@ -365,3 +352,4 @@ def kept_torque(
         Torques (joints) of the law within `torque_limit` and `torque_rate_limit` in N·m.
 
     """
+    return torque

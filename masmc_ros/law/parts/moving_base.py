@@ -177,31 +177,11 @@ def _carried(
 
 
 @formula
-def _not_carried(
-    settings: Settings,
-    posture: MechanismPosture,
-    v: Numbers,
-    v_r: Numbers,
-    a_r: Numbers,
-    commanded: Numbers,
-) -> Carried:
-    return Carried(v_r, a_r, commanded)
-
-
-@formula
 def _surface_by_torque(
     settings: Settings, posture: MechanismPosture, v: Numbers, v_r: Numbers, s: Numbers
 ) -> Numbers:
     model = mechanism.model_of(settings)
     return mechanism.task_velocity(model, posture, elementwise(minus, v, v_r))
-
-
-@formula
-def _surface_of_all(
-    settings: Settings, posture: MechanismPosture, v: Numbers, v_r: Numbers, s: Numbers
-) -> Numbers:
-    model = mechanism.model_of(settings)
-    return mechanism.reachable_surface(model, posture, v, v_r, s)
 
 
 @formula
@@ -214,21 +194,11 @@ def _torque_of_others(
 
 
 @formula
-def _torque_of_all(settings: Settings, memory: Memory, command: Numbers, raw: Numbers) -> Numbers:
-    return raw
-
-
-@formula
 def _others_only(settings: Settings, v: Numbers) -> Numbers:
     model = mechanism.model_of(settings)
     rates = mechanism.rate_command(model, v)
     still = elementwise(zero, rates)
     return _motion(model, elementwise(selected, settings.by_velocity, still, rates))
-
-
-@formula
-def _all_joints(settings: Settings, v: Numbers) -> Numbers:
-    return v
 
 
 @formula
@@ -241,18 +211,8 @@ def _drift_by_torque(settings: Settings, memory: Memory, posture: MechanismPostu
 
 
 @formula
-def _drift_of_all(settings: Settings, memory: Memory, posture: MechanismPosture) -> None:
-    pass
-
-
-@formula
 def _command_of_both(settings: Settings, memory: Memory, torque: Numbers) -> Numbers:
     return elementwise(selected, settings.by_velocity, memory.velocity_command, torque)
-
-
-@formula
-def _command_of_torques(settings: Settings, memory: Memory, torque: Numbers) -> Numbers:
-    return torque
 
 
 @formula
@@ -279,18 +239,6 @@ def _equivalent_velocity(command: float, acceleration: float, lag: float) -> flo
 def _equivalent_of_both(settings: Settings, command: Numbers, d: Numbers) -> Numbers:
     d = mechanism.rate_command(mechanism.model_of(settings), d)
     return elementwise(_equivalent_velocity, command, d, settings.base_lag)
-
-
-@formula
-def _equivalent_of_torques(settings: Settings, command: Numbers, d: Numbers) -> Numbers:
-    return command
-
-
-@formula
-def _inputs_of_torques(
-    settings: Settings, rates: Numbers, command: Numbers, h: float
-) -> Numbers:
-    return command
 
 
 @kernel
@@ -356,40 +304,12 @@ def _accelerations_of_both(
 
 
 @formula
-def _accelerations_of_torques(
-    settings: Settings,
-    posture: MechanismPosture,
-    theta: Numbers,
-    rates: Numbers,
-    inputs: Numbers,
-) -> Numbers:
-    model = mechanism.model_of(settings)
-    return mechanism.joint_accelerations(model, posture, theta, rates, inputs)
-
-
-@formula
 def _yes(settings: Settings) -> bool:
     return True
 
 
-@formula
-def _no(settings: Settings) -> bool:
-    return False
-
-
 _FORMULAS = {
-    BY_TORQUE: SimpleNamespace(
-        carried=_not_carried,
-        surface=_surface_of_all,
-        commanded_torque=_torque_of_all,
-        restrict_drift=_drift_of_all,
-        command=_command_of_torques,
-        equivalent_command=_equivalent_of_torques,
-        inputs_of_step=_inputs_of_torques,
-        accelerations=_accelerations_of_torques,
-        by_torque=_all_joints,
-        moves_by_velocity=_no,
-    ),
+    BY_TORQUE: SimpleNamespace(),
     BY_VELOCITY: SimpleNamespace(
         carried=_carried,
         surface=_surface_by_torque,
@@ -403,8 +323,9 @@ _FORMULAS = {
         moves_by_velocity=_yes,
     ),
 }
+"""Formulas by the tag `base` of the settings of a law; those of BY_TORQUE are the bodies below."""
 
-_dispatch = interface(by_tag('base', _FORMULAS.__getitem__))
+_dispatch = interface(by_tag('base', _FORMULAS.__getitem__), formula)
 
 
 @_dispatch
@@ -433,6 +354,7 @@ def carried(
         Velocities (joints) that were commanded at the last tick, in the coordinates of commands.
 
     """
+    return Carried(v_r, a_r, commanded)
 
 
 @_dispatch
@@ -454,6 +376,8 @@ def surface(
         Sliding surface (axes).
 
     """
+    model = mechanism.model_of(settings)
+    return mechanism.reachable_surface(model, posture, v, v_r, s)
 
 
 @_dispatch
@@ -475,6 +399,7 @@ def commanded_torque(
         Joint torques (joints) of the law in N·m.
 
     """
+    return raw
 
 
 @_dispatch
@@ -495,6 +420,7 @@ def command(settings: Settings, memory: Memory, torque: Numbers) -> Numbers:
         Joint torques (joints) in N·m.
 
     """
+    return torque
 
 
 @_dispatch
@@ -512,6 +438,7 @@ def equivalent_command(settings: Settings, command: Numbers, d: Numbers) -> Numb
         Accelerations (joints) of the mechanism that the model does not explain.
 
     """
+    return command
 
 
 @_dispatch
@@ -533,6 +460,7 @@ def inputs_of_step(settings: Settings, rates: Numbers, command: Numbers, h: floa
         Length of the step in s.
 
     """
+    return command
 
 
 @_dispatch
@@ -560,13 +488,17 @@ def accelerations(
         Result of `inputs_of_step` (joints).
 
     """
+    model = mechanism.model_of(settings)
+    return mechanism.joint_accelerations(model, posture, theta, rates, inputs)
 
 
 @_dispatch
 def by_torque(settings: Settings, v: Numbers) -> Numbers:
     """Return velocities of the mechanism, or their derivatives, without those of the base."""
+    return v
 
 
 @_dispatch
 def moves_by_velocity(settings: Settings) -> bool:
     """Return True if the base follows velocities; the torques of its drives are then unknown."""
+    return False

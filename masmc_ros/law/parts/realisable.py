@@ -59,6 +59,32 @@ def realisable(error: float, excess: float, slope: float) -> float:
 
 
 @formula
+def realisable_for_growth(
+    error: float, excess: float, slope: float, growth: float, period: float
+) -> float:
+    """
+    Return the realisable error of one entry for terms of u that grow by T times it.
+
+    The growth in the slope keeps them stable at any gains.
+
+    Parameters
+    ----------
+    error
+        Error e.
+    excess
+        Applied less requested u, in the unit of slope e.
+    slope
+        Gain k of the error, >= 0.
+    growth
+        Rate at which the terms of u grow, in the unit of the slope per s.
+    period
+        Control period T in s.
+
+    """
+    return realisable(error, excess, slope + period * growth)
+
+
+@formula
 def realisable_part(error: float, excess: float, slope: float) -> float:
     """
     Return the realisable error limited to the range from 0 to e, for gains that only grow.

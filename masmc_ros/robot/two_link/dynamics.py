@@ -14,9 +14,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from masmc_ros.jit.compiled import formula
-from masmc_ros.robot.two_link.geometry import Geometry, Posture
+from masmc_ros.robot.two_link.geometry import Geometry, Posture, Quad
 
-Quad = tuple[float, float, float, float]
+Theta = tuple[float, float, float, float, float, float, float]
 
 
 class BaseParameters(NamedTuple):
@@ -69,24 +69,26 @@ class Regressor(NamedTuple):
 
 
 @formula
-def inertia(theta: BaseParameters, geometry: Geometry, posture: Posture) -> Inertia:
+def inertia(model: Geometry, posture: Posture, theta: Theta) -> Inertia:
     """Return H of (10) in quasi-velocities."""
+    mass, yaw_inertia, _, moment_1, moment_2, inertia_1, inertia_2 = theta
     return Inertia(
-        uu=theta.mass,
-        ww=theta.yaw_inertia,
-        ua=-theta.moment_1 * posture.s1,
-        ub=-theta.moment_2 * posture.s12,
-        wa=geometry.arm_base * theta.moment_1 * posture.c1,
-        wb=geometry.arm_base * theta.moment_2 * posture.c12,
-        aa=theta.inertia_1,
-        bb=theta.inertia_2,
-        ab=geometry.link_1 * theta.moment_2 * posture.c2,
+        uu=mass,
+        ww=yaw_inertia,
+        ua=-moment_1 * posture.s1,
+        ub=-moment_2 * posture.s12,
+        wa=model.arm_base * moment_1 * posture.c1,
+        wb=model.arm_base * moment_2 * posture.c12,
+        aa=inertia_1,
+        bb=inertia_2,
+        ab=model.link_1 * moment_2 * posture.c2,
     )
 
 
 @formula
-def inertia_times(h: Inertia, u: float, w: float, a: float, b: float) -> Quad:
+def inertia_times(model: Geometry, h: Inertia, acceleration: Quad) -> Quad:
     """Return H times a quasi-acceleration: quasi-forces."""
+    u, w, a, b = acceleration
     return (
         h.uu * u + h.ua * a + h.ub * b,
         h.ww * w + h.wa * a + h.wb * b,
@@ -96,8 +98,9 @@ def inertia_times(h: Inertia, u: float, w: float, a: float, b: float) -> Quad:
 
 
 @formula
-def inertia_solve(h: Inertia, f_u: float, f_w: float, f_a: float, f_b: float) -> Quad:
+def inertia_solve(model: Geometry, h: Inertia, forces: Quad) -> Quad:
     """Return H^-1 f, the quasi-acceleration: the 2x2 Schur complement of the arm."""
+    f_u, f_w, f_a, f_b = forces
     per_mass = 1.0 / h.uu
     per_yaw = 1.0 / h.ww
     aa = h.aa - h.ua * h.ua * per_mass - h.wa * h.wa * per_yaw
@@ -114,40 +117,47 @@ def inertia_solve(h: Inertia, f_u: float, f_w: float, f_a: float, f_b: float) ->
 
 
 @formula
-def coriolis(
-    theta: BaseParameters, geometry: Geometry, posture: Posture, velocity: Quad, reference: Quad
+def coriolis(model: Geometry, posture: Posture, theta: Theta, motion: Quad) -> Quad:
+    """Return V(v) v, quasi-forces."""
+    return coriolis_times(model, posture, theta, motion, motion)
+
+
+@formula
+def coriolis_times(
+    model: Geometry, posture: Posture, theta: Theta, motion: Quad, reference: Quad
 ) -> Quad:
     """Return V(v) v_r of (10), quasi-forces, for which Hdot - 2 V is skew-symmetric."""
-    _, w, a, b = velocity
+    _, _, offset, moment_1, moment_2, _, _ = theta
+    _, w, a, b = motion
     u_r, w_r, a_r, b_r = reference
-    swing_1 = theta.moment_1 * a * a_r
-    swing_2 = theta.moment_2 * b * b_r
-    pull = geometry.arm_base * w * w_r
+    swing_1 = moment_1 * a * a_r
+    swing_2 = moment_2 * b * b_r
+    pull = model.arm_base * w * w_r
     slide = w * u_r
     return (
-        -theta.offset * w * w_r - swing_1 * posture.c1 - swing_2 * posture.c12,
-        theta.offset * slide
-        - geometry.arm_base * (swing_1 * posture.s1 + swing_2 * posture.s12),
-        theta.moment_1 * (posture.s1 * pull + posture.c1 * slide)
-        - geometry.link_1 * posture.s2 * swing_2,
-        theta.moment_2
+        -offset * w * w_r - swing_1 * posture.c1 - swing_2 * posture.c12,
+        offset * slide
+        - model.arm_base * (swing_1 * posture.s1 + swing_2 * posture.s12),
+        moment_1 * (posture.s1 * pull + posture.c1 * slide)
+        - model.link_1 * posture.s2 * swing_2,
+        moment_2
         * (
             posture.s12 * pull
             + posture.c12 * slide
-            + geometry.link_1 * posture.s2 * a * a_r
+            + model.link_1 * posture.s2 * a * a_r
         ),
     )
 
 
 @formula
 def regressor(
-    geometry: Geometry, posture: Posture, velocity: Quad, reference: Quad, acceleration: Quad
+    model: Geometry, posture: Posture, motion: Quad, reference: Quad, acceleration: Quad
 ) -> Regressor:
     """Return Y(q, v, v_r, a_r) of (12): H a_r + V v_r = Y theta, all quasi-velocities."""
-    _, w, a, b = velocity
+    _, w, a, b = motion
     u_r, w_r, a_r, b_r = reference
     u_dot, w_dot, a_dot, b_dot = acceleration
-    l = geometry.arm_base  # noqa: E741 - the paper's symbol
+    l = model.arm_base  # noqa: E741 - the paper's symbol
     # Acceleration of the arm's base, platform frame.
     fx = u_dot - l * w * w_r
     fy = l * w_dot + w * u_r
@@ -166,39 +176,39 @@ def regressor(
         w_moment_1=l * y_1,
         w_moment_2=l * y_2,
         a_moment_1=posture.c1 * fy - posture.s1 * fx,
-        a_moment_2=geometry.link_1 * (posture.c2 * b_dot - posture.s2 * b * b_r),
+        a_moment_2=model.link_1 * (posture.c2 * b_dot - posture.s2 * b * b_r),
         a_inertia_1=a_dot,
         b_moment_2=posture.c12 * fy
         - posture.s12 * fx
-        + geometry.link_1 * (posture.c2 * a_dot + posture.s2 * a * a_r),
+        + model.link_1 * (posture.c2 * a_dot + posture.s2 * a * a_r),
         b_inertia_2=b_dot,
     )
 
 
 @formula
-def regressor_times(y: Regressor, theta: BaseParameters) -> Quad:
+def regressor_times(model: Geometry, y: Regressor, theta: Theta) -> Quad:
     """Return Y theta: quasi-forces."""
+    mass, yaw_inertia, offset, moment_1, moment_2, inertia_1, inertia_2 = theta
     return (
-        y.u_mass * theta.mass
-        + y.u_offset * theta.offset
-        + y.u_moment_1 * theta.moment_1
-        + y.u_moment_2 * theta.moment_2,
-        y.w_yaw_inertia * theta.yaw_inertia
-        + y.w_offset * theta.offset
-        + y.w_moment_1 * theta.moment_1
-        + y.w_moment_2 * theta.moment_2,
-        y.a_moment_1 * theta.moment_1
-        + y.a_moment_2 * theta.moment_2
-        + y.a_inertia_1 * theta.inertia_1,
-        y.b_moment_2 * theta.moment_2 + y.b_inertia_2 * theta.inertia_2,
+        y.u_mass * mass
+        + y.u_offset * offset
+        + y.u_moment_1 * moment_1
+        + y.u_moment_2 * moment_2,
+        y.w_yaw_inertia * yaw_inertia
+        + y.w_offset * offset
+        + y.w_moment_1 * moment_1
+        + y.w_moment_2 * moment_2,
+        y.a_moment_1 * moment_1 + y.a_moment_2 * moment_2 + y.a_inertia_1 * inertia_1,
+        y.b_moment_2 * moment_2 + y.b_inertia_2 * inertia_2,
     )
 
 
 @formula
 def regressor_transpose_times(
-    y: Regressor, u: float, w: float, a: float, b: float
-) -> tuple[float, float, float, float, float, float, float]:
+    model: Geometry, y: Regressor, motion: Quad, template: Theta
+) -> Theta:
     """Return Y' times a quasi-velocity, in the order of the base parameters."""
+    u, w, a, b = motion
     return (
         y.u_mass * u,
         y.w_yaw_inertia * w,

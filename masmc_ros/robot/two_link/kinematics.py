@@ -13,7 +13,7 @@ each in closed form.
 from __future__ import annotations
 
 from masmc_ros.jit.compiled import formula
-from masmc_ros.robot.two_link.geometry import Geometry, Posture
+from masmc_ros.robot.two_link.geometry import Geometry, Positions, Posture, Quad
 
 SINGULAR_SINE = 0.02
 """Largest |sin(theta_2)| of a singular arm."""
@@ -32,46 +32,39 @@ def rotate_back(c: float, s: float, x: float, y: float) -> tuple[float, float]:
 
 
 @formula
-def task_position(
-    geometry: Geometry, posture: Posture, x: float, y: float
-) -> tuple[float, float, float, float]:
-    """Return (x_E, y_E, x_F, y_F) in m, (x, y) being the axle's middle O in the world."""
-    reach_x = geometry.arm_base + geometry.link_1 * posture.c1 + geometry.link_2 * posture.c12
-    reach_y = geometry.link_1 * posture.s1 + geometry.link_2 * posture.s12
+def task_position(model: Geometry, posture: Posture, position: Positions) -> Quad:
+    """Return (x_E, y_E, x_F, y_F) in m; the first positions are x and y of the axle's middle O."""
+    x, y = position[0], position[1]
+    reach_x = model.arm_base + model.link_1 * posture.c1 + model.link_2 * posture.c12
+    reach_y = model.link_1 * posture.s1 + model.link_2 * posture.s12
     ex, ey = rotate(posture.c0, posture.s0, reach_x, reach_y)
-    fx = posture.c0 * geometry.arm_base
-    fy = posture.s0 * geometry.arm_base
+    fx = posture.c0 * model.arm_base
+    fy = posture.s0 * model.arm_base
     return x + ex, y + ey, x + fx, y + fy
 
 
 @formula
-def task_velocity(
-    geometry: Geometry, posture: Posture, u: float, w: float, a: float, b: float
-) -> tuple[float, float, float, float]:
+def task_velocity(model: Geometry, posture: Posture, motion: Quad) -> Quad:
     """Return J v, (1)-(4), in m/s."""
+    u, w, a, b = motion
     fx = u
-    fy = geometry.arm_base * w
-    ex = fx - geometry.link_1 * posture.s1 * a - geometry.link_2 * posture.s12 * b
-    ey = fy + geometry.link_1 * posture.c1 * a + geometry.link_2 * posture.c12 * b
+    fy = model.arm_base * w
+    ex = fx - model.link_1 * posture.s1 * a - model.link_2 * posture.s12 * b
+    ey = fy + model.link_1 * posture.c1 * a + model.link_2 * posture.c12 * b
     ex, ey = rotate(posture.c0, posture.s0, ex, ey)
     fx, fy = rotate(posture.c0, posture.s0, fx, fy)
     return ex, ey, fx, fy
 
 
 @formula
-def task_drift(
-    geometry: Geometry,
-    posture: Posture,
-    velocity: tuple[float, float, float, float],
-    reference: tuple[float, float, float, float],
-) -> tuple[float, float, float, float]:
+def task_drift(model: Geometry, posture: Posture, motion: Quad, reference: Quad) -> Quad:
     """Return Jdot(v) v_r of (5) in m/s2: velocity v and reference velocity v_r, both quasi."""
-    _, w, a, b = velocity
+    _, w, a, b = motion
     u_r, w_r, a_r, b_r = reference
-    fx = -w * (geometry.arm_base * w_r)
+    fx = -w * (model.arm_base * w_r)
     fy = w * u_r
-    pull_1 = geometry.link_1 * a * a_r
-    pull_2 = geometry.link_2 * b * b_r
+    pull_1 = model.link_1 * a * a_r
+    pull_2 = model.link_2 * b * b_r
     ex = fx - pull_1 * posture.c1 - pull_2 * posture.c12
     ey = fy - pull_1 * posture.s1 - pull_2 * posture.s12
     ex, ey = rotate(posture.c0, posture.s0, ex, ey)
@@ -80,13 +73,13 @@ def task_drift(
 
 
 @formula
-def is_singular(posture: Posture) -> bool:
+def is_singular(model: Geometry, posture: Posture) -> bool:
     """Return True if the arm is too straight or too folded to invert J undamped."""
     return abs(posture.s2) < SINGULAR_SINE
 
 
 @formula
-def _inverse_sine(posture: Posture) -> float:
+def _inverse_sine(model: Geometry, posture: Posture) -> float:
     """
     Return 1 / sin(theta_2); inside the singular band the damped sin / 0.02**2.
 
@@ -94,52 +87,49 @@ def _inverse_sine(posture: Posture) -> float:
     along the lost direction stops there instead of growing without bound.
     """
     damped = posture.s2 / (SINGULAR_SINE * SINGULAR_SINE)
-    return damped if is_singular(posture) else 1.0 / posture.s2
+    return damped if is_singular(model, posture) else 1.0 / posture.s2
 
 
 @formula
-def quasi_from_task(
-    geometry: Geometry, posture: Posture, ex: float, ey: float, fx: float, fy: float
-) -> tuple[float, float, float, float]:
+def motion_from_task(model: Geometry, posture: Posture, rates: Quad, template: Quad) -> Quad:
     """
-    Return J^-1 xdot as quasi-velocities, (ex, ey, fx, fy) in the world frame, m/s.
+    Return J^-1 xdot as quasi-velocities; xdot is in the world frame, m/s.
 
     Exact for |sin(theta_2)| >= 0.02; finite everywhere.
     """
+    ex, ey, fx, fy = rates
     ex, ey = rotate_back(posture.c0, posture.s0, ex, ey)
     fx, fy = rotate_back(posture.c0, posture.s0, fx, fy)
     dx = ex - fx
     dy = ey - fy
-    inverse = _inverse_sine(posture)
-    a = (posture.c12 * dx + posture.s12 * dy) * inverse / geometry.link_1
-    b = -(posture.c1 * dx + posture.s1 * dy) * inverse / geometry.link_2
-    return fx, fy / geometry.arm_base, a, b
+    inverse = _inverse_sine(model, posture)
+    a = (posture.c12 * dx + posture.s12 * dy) * inverse / model.link_1
+    b = -(posture.c1 * dx + posture.s1 * dy) * inverse / model.link_2
+    return fx, fy / model.arm_base, a, b
 
 
 @formula
-def quasi_force_from_task(
-    geometry: Geometry, posture: Posture, ex: float, ey: float, fx: float, fy: float
-) -> tuple[float, float, float, float]:
+def forces_from_task(model: Geometry, posture: Posture, force: Quad, template: Quad) -> Quad:
     """Return the quasi-forces of J' F, F a world force (N) on E and on F."""
+    ex, ey, fx, fy = force
     ex, ey = rotate_back(posture.c0, posture.s0, ex, ey)
     fx, fy = rotate_back(posture.c0, posture.s0, fx, fy)
-    f_a = geometry.link_1 * (posture.c1 * ey - posture.s1 * ex)
-    f_b = geometry.link_2 * (posture.c12 * ey - posture.s12 * ex)
-    return ex + fx, geometry.arm_base * (ey + fy), f_a, f_b
+    f_a = model.link_1 * (posture.c1 * ey - posture.s1 * ex)
+    f_b = model.link_2 * (posture.c12 * ey - posture.s12 * ex)
+    return ex + fx, model.arm_base * (ey + fy), f_a, f_b
 
 
 @formula
-def task_force_from_quasi(
-    geometry: Geometry, posture: Posture, f_u: float, f_w: float, f_a: float, f_b: float
-) -> tuple[float, float, float, float]:
+def task_from_forces(model: Geometry, posture: Posture, forces: Quad) -> Quad:
     """Return J^-T of the quasi-forces f: the world forces (N) on E and on F."""
-    inverse = _inverse_sine(posture)
-    pull_a = f_a * inverse / geometry.link_1
-    pull_b = f_b * inverse / geometry.link_2
+    f_u, f_w, f_a, f_b = forces
+    inverse = _inverse_sine(model, posture)
+    pull_a = f_a * inverse / model.link_1
+    pull_b = f_b * inverse / model.link_2
     ex = posture.c12 * pull_a - posture.c1 * pull_b
     ey = posture.s12 * pull_a - posture.s1 * pull_b
     fx = f_u - ex
-    fy = f_w / geometry.arm_base - ey
+    fy = f_w / model.arm_base - ey
     ex, ey = rotate(posture.c0, posture.s0, ex, ey)
     fx, fy = rotate(posture.c0, posture.s0, fx, fy)
     return ex, ey, fx, fy

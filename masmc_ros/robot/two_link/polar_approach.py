@@ -25,9 +25,9 @@ from masmc_ros.numerics.hermite import quintic
 from masmc_ros.numerics.limits import clipped
 from masmc_ros.numerics.portable_math import angle_of, sin_cos
 from masmc_ros.numerics.scalars import nearest
-from masmc_ros.robot import mechanism
 from masmc_ros.robot.approach_blend import decayed, returned, task_state
 from masmc_ros.robot.formula_types import RobotLane
+from masmc_ros.robot.two_link.geometry import model_of
 
 _STRETCHED, _BENT = 0.4, 0.8
 """Angles in rad from a stretched or folded elbow: too close to it, and regular."""
@@ -87,7 +87,7 @@ def approach_start(
     the longest way of the end effector on an axis in m.
     """
     robot = lane_of(body[0], 0)
-    model = mechanism.model_of(robot)
+    model = model_of(robot)
     x, x_dot = task_state(robot, position, rates)
     rho, rate, _, c, s, turn, _ = _polar(
         x[0] - x[2], x[1] - x[3], x_dot[0] - x_dot[2], x_dot[1] - x_dot[3], 0.0, 0.0
@@ -126,7 +126,7 @@ def approach_sample(
     out: Array,
 ) -> None:
     """Write what is followed (12) at `part` (0 to 1) of an approach of so many s."""
-    model = mechanism.model_of(lane_of(body[0], 0))
+    model = model_of(lane_of(body[0], 0))
     rho, rate, change, c, s, turn, turn_rate = _arm_of(reference)
     at_start = math.sqrt((start[0] - start[2]) ** 2 + (start[1] - start[3]) ** 2)
     # A blend without velocity and acceleration at both ends.

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from helpers.law_bench import at_random, Instant, run, tick
 from helpers.robots import DEFAULT, Machine
-from masmc_ros.robot.two_link.geometry import quasi_velocity
+from masmc_ros.robot.two_link.geometry import motion
 import numpy as np
 import pytest
 
@@ -48,7 +48,7 @@ def test_momentum_observer_filters_disturbance_at_its_rate() -> None:
     for k in range(30):
         torque = tick(controller, at)
         d = controller.memory['momentum_observer_disturbance'][0, :, 0]
-        power = [np.dot(d, quasi_velocity(Machine(DEFAULT).geometry, *one)) for one in np.eye(4)]
+        power = [np.dot(d, motion(Machine(DEFAULT).geometry, one)) for one in np.eye(4)]
         filtered = push * (1.0 - (1.0 + at.period * rate) ** -k)
         np.testing.assert_allclose(power, filtered, rtol=1e-6, atol=1e-6)
         v = at.v + at.period * np.linalg.solve(at.inertia, torque + push - at.coriolis @ at.v)
@@ -67,7 +67,7 @@ def test_momentum_observer_estimates_constant_disturbance() -> None:
     )
     d = track.controller.memory['momentum_observer_disturbance'][0, :, 0]
     # The power of d along the motion of a unit joint velocity equals the joint's torque.
-    power = [np.dot(d, quasi_velocity(Machine(DEFAULT).geometry, *rate)) for rate in np.eye(4)]
+    power = [np.dot(d, motion(Machine(DEFAULT).geometry, rate)) for rate in np.eye(4)]
     np.testing.assert_allclose(power, [1.5, 1.5, 3.0, 3.0], rtol=0.02)
     assert np.abs(track.settled).max() < 1e-3
 
