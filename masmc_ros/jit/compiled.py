@@ -369,7 +369,12 @@ class ExportedCode(NamedTuple):
     name: str
 
 
-def exported_code(function: Function, signature: Signature, *contents: object) -> ExportedCode:
+def exported_code(
+    function: Function,
+    signature: Signature,
+    *contents: object,
+    on_compilation: Callable[[], None] = lambda: None,
+) -> ExportedCode:
     """
     Return the intermediate code of a function for other processors, from the disk if it is there.
 
@@ -384,6 +389,8 @@ def exported_code(function: Function, signature: Signature, *contents: object) -
         Types of its arguments and of its result.
     contents
         Values in its closure, which the code depends on.
+    on_compilation
+        Called before the function is compiled, if the disk lacks its code.
 
     Raises
     ------
@@ -399,6 +406,7 @@ def exported_code(function: Function, signature: Signature, *contents: object) -
         )
 
     def compiled() -> ExportedCode:
+        on_compilation()
         _thread.is_exporting = True
         try:
             code = njit(**_EXPORTED)(function)

@@ -152,6 +152,17 @@ def lanes_of(record: Records | Record) -> int:
     return int(record.dtype[record.dtype.names[0]].shape[-1])
 
 
+def places_of(records: Mapping[str, Records]) -> tuple[dict[str, int], int]:
+    """Return the first word of each record of a run, and the number of all words."""
+    places, place = {}, 0
+    for name, record in records.items():
+        places[name] = place
+        for member in record.dtype.names or ():
+            # All numbers have 8 bytes, and the tags after them one.
+            place += record.dtype[member].itemsize // 8
+    return places, place
+
+
 def lane_count(record: Record) -> int:
     """Return the number of lanes of a record, in compiled code a constant."""
     return lanes_of(record)

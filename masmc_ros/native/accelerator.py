@@ -9,7 +9,7 @@ Both run the code of `native.gpu_code`, so batches, transfers and errors are the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 import ctypes
 import re
@@ -17,26 +17,13 @@ from threading import RLock
 from typing import Any, Self
 
 import llvmlite.binding as llvm
-from masmc_ros.aliases import AnyArray, Records
+from masmc_ros.aliases import AnyArray
 from masmc_ros.errors import InputError
-from masmc_ros.native.targets import Target
+from masmc_ros.native.targets import KERNEL, Target, THREAD
 import numpy as np
-
-KERNEL, THREAD = 'masmc_kernel', 'masmc_thread'
-"""Names of the function of the card, and of that of a single thread."""
 
 _THREADS = 64
 """Threads of a block: with 255 registers each, four blocks fit into a multiprocessor."""
-
-
-def places_of(records: Mapping[str, Records]) -> tuple[dict[str, int], int]:
-    """Return the first word of each record of a run, and the number of all words."""
-    places, place = {}, 0
-    for name, record in records.items():
-        places[name] = place
-        # All numbers have 8 bytes, and the tags after them one.
-        place += sum(record.dtype[member].itemsize // 8 for member in record.dtype.names or ())
-    return places, place
 
 
 class DeviceMemoryError(Exception):
@@ -205,7 +192,7 @@ class Cuda(_Functions):
         It takes the number of threads and the further arguments of a thread, each of 8 bytes, and
         returns after the last thread.
         """
-        from masmc_ros.native.gpu_code import ptx  # it imports this file
+        from masmc_ros.native.gpu_code import ptx  # the start of commands is faster
 
         text = np.frombuffer(ptx(code, self.capability).encode() + b'\0', np.uint8)
         module = self._call('cuModuleLoadData', text.ctypes.data)

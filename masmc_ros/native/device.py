@@ -14,7 +14,7 @@ import weakref
 from masmc_ros.aliases import AnyArray, Array, Flags, Integers, Records
 from masmc_ros.campaign.part import CPU
 from masmc_ros.errors import InputError
-from masmc_ros.jit.record import AT_RUN_TIME, lanes_of
+from masmc_ros.jit.record import AT_RUN_TIME, lanes_of, places_of
 from masmc_ros.law.command_interface import takes_rates
 from masmc_ros.loop.batch_simulation import BatchRecords, BLOCK
 from masmc_ros.loop.driven_robots import DrivenRobots, OF_STATE
@@ -27,7 +27,7 @@ from masmc_ros.loop.simulated_robot import (
     NO_STATE,
     write_plants,
 )
-from masmc_ros.native.accelerator import Accelerator, DeviceMemoryError, named, places_of
+from masmc_ros.native.accelerator import Accelerator, DeviceMemoryError, named
 from masmc_ros.params.declaration import Values
 from masmc_ros.report.measure.metrics import Metrics
 from masmc_ros.report.measure.reduced import metrics_of_lane, ReducedWindow, SETTLING

@@ -94,10 +94,15 @@ def records_of(simulation: Simulation) -> dict[str, Records]:
     return records
 
 
-def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[str, Entry]:
+def entries(
+    simulation: Simulation,
+    names: Collection[str] = LIBRARY,
+    on_compilation: Callable[[], None] = lambda: None,
+) -> dict[str, Entry]:
     """
     Compile the named functions for the records of a simulation, and return them by name.
 
+    `on_compilation` is called before each one whose code is not on the disk.
     Each returns a whole number: the controller the flags of `closed_loop.control_tick`, `FAILED`
     and `OTHER_RECORDS`; the plant 1 if its state is finite, else 0.
     """
@@ -135,7 +140,7 @@ def entries(simulation: Simulation, names: Collection[str] = LIBRARY) -> dict[st
             signature = number(
                 *(kinds[argument] for argument in arguments), *(number for _ in further)
             )
-            code = exported_code(function, signature)
+            code = exported_code(function, signature, on_compilation=on_compilation)
             failure = 0 if name.startswith('plant') else NOT_FINITE | FAILED
             found[name] = Entry(
                 code, arguments, text, failure,

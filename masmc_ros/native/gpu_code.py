@@ -22,13 +22,13 @@ import llvmlite.binding as llvm
 from masmc_ros.aliases import Records
 from masmc_ros.errors import InputError
 from masmc_ros.jit.compiled import exported_code
+from masmc_ros.jit.record import places_of
 from masmc_ros.loop import closed_loop
 from masmc_ros.loop.control import control
 from masmc_ros.loop.reduction import reduce_tick
-from masmc_ros.native.accelerator import KERNEL, places_of, THREAD
 from masmc_ros.native.entries import Entry
 from masmc_ros.native.object_code import merged, optimised
-from masmc_ros.native.targets import Target
+from masmc_ros.native.targets import KERNEL, Target, THREAD
 from masmc_ros.native.template import filled
 from masmc_ros.plant_model.plant_tick import advance, observe, write_velocity
 from numba import carray, from_dtype, types

@@ -6,14 +6,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from functools import cache
 import hashlib
 from pathlib import Path
+import pickle
 import re
+import subprocess
+import sys
 from typing import Any, cast, NamedTuple
 
 from masmc_ros import __version__
 from masmc_ros.aliases import Records
+from masmc_ros.child_process import module_command, processors
 from masmc_ros.errors import InputError
 from masmc_ros.jit.compiled import interpreted, stored
 from masmc_ros.jit.sized_records import has_layout, LAYOUT, TAG
@@ -129,7 +134,7 @@ def write_library(
     names = [entry for entry in LIBRARY if supervised or entry not in (*SUPERVISION, 'odometry')]
     if 'odometry' in names and not has_odometry(scenario.controller):
         names.remove('odometry')
-    found = entries(simulation, names)
+    found = _compiled(simulation, scenario, names)
     functions = {f'{name}_{entry}': function for entry, function in found.items()}
     text = cache(lambda: merged(functions))
     contents = {
@@ -189,6 +194,36 @@ def exported_simulation(scenario: Scenario, product: str) -> Simulation:
     with interpreted(), np.errstate(all='ignore'):
         simulation.controller.reset()
     return simulation
+
+
+def _compiled(
+    simulation: Simulation, scenario: Scenario, names: Sequence[str]
+) -> dict[str, Entry]:
+    """Return entries; if they are to be compiled, another process compiles those of the plant."""
+    of_plant = [name for name in names if name.startswith('plant')]
+    process: subprocess.Popen[bytes] | None = None
+
+    def start() -> None:
+        nonlocal process
+        if process is None and processors() > 1:
+            process = subprocess.Popen(
+                module_command(__name__), stdin=subprocess.PIPE, stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+            )  # fmt: skip
+            assert process.stdin is not None
+            with suppress(BrokenPipeError), process.stdin:
+                process.stdin.write(pickle.dumps((scenario, of_plant)))
+
+    try:
+        found = entries(simulation, [name for name in names if name not in of_plant], start)
+        if process is not None:
+            process.wait()
+    finally:
+        if process is not None:
+            process.kill()
+            process.wait()
+    # Their code is on the disk now, unless the process or the disk has failed.
+    return found | entries(simulation, of_plant)
 
 
 def _object_of(
@@ -358,3 +393,13 @@ def _json(described: Mapping[str, Any], simulation: Simulation) -> str:
         'records': records,
         'functions': described['functions'],
     })
+
+
+def main() -> None:
+    """Compile entries for the process that names them and their scenario on the input."""
+    scenario, names = pickle.load(sys.stdin.buffer)
+    entries(exported_simulation(scenario, 'a library'), names)
+
+
+if __name__ == '__main__':
+    main()

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Processors of libraries, known without the compiler."""
+"""Processors of libraries, and names of the functions of a GPU, known without the compiler."""
 
 from __future__ import annotations
 
@@ -30,3 +30,6 @@ TARGETS = {
 
 WEB = Target('wasm32-unknown-unknown', 'generic', '+bulk-memory', 'static')
 """WebAssembly, for `web_module.web_module`."""
+
+KERNEL, THREAD = 'masmc_kernel', 'masmc_thread'
+"""Names of the function of a GPU, and of that of a single thread."""
