@@ -177,6 +177,8 @@ class Core(RuleBasedStateMachine):
         if (is_back or self.core.states.counts.gaps > gaps) and not is_stopped:
             # After a jump of time the robot does not apply the law's last torque.
             self.torque = np.zeros(4)
+        if is_back and not self.core.pacing.is_timed:
+            self.sent = None  # the restarted robot has no command yet, also if its pacing changes
         if stamp == last and pending is None and [type(a) for a in actions] == [Repeat]:
             self.perform(actions)
         else:
