@@ -196,26 +196,33 @@ def exported_simulation(scenario: Scenario, product: str) -> Simulation:
     return simulation
 
 
+class _AbsentError(Exception):
+    """Raised if the disk has no code of an entry."""
+
+
+def _raise_absent() -> None:
+    raise _AbsentError
+
+
 def _compiled(
     simulation: Simulation, scenario: Scenario, names: Sequence[str]
 ) -> dict[str, Entry]:
-    """Return entries; if they are to be compiled, another process compiles those of the plant."""
+    """Return entries; another process compiles those of the plant, unless the disk has them."""
     of_plant = [name for name in names if name.startswith('plant')]
     process: subprocess.Popen[bytes] | None = None
-
-    def start() -> None:
-        nonlocal process
-        if process is None and processors() > 1:
+    try:
+        entries(simulation, of_plant, _raise_absent)
+    except _AbsentError:
+        if processors() > 1:
             process = subprocess.Popen(
                 module_command(__name__), stdin=subprocess.PIPE, stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
             )  # fmt: skip
-            assert process.stdin is not None
+    try:
+        if process is not None and process.stdin is not None:
             with suppress(BrokenPipeError), process.stdin:
                 process.stdin.write(pickle.dumps((scenario, of_plant)))
-
-    try:
-        found = entries(simulation, [name for name in names if name not in of_plant], start)
+        found = entries(simulation, [name for name in names if name not in of_plant])
         if process is not None:
             process.wait()
     finally:

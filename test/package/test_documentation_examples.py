@@ -69,7 +69,9 @@ robots.
 
 CAMPAIGNS = ('sweep', 'monte-carlo', 'tune')
 
-SMALLER = {'--seeds': '2', '--runs': '2', '--evaluations': '4', '--device': 'cpu'}
+SMALLER = {
+    '--seeds': '2', '--runs': '2', '--evaluations': '4', '--device': 'cpu', '--trials': 'ideal'
+}  # fmt: skip
 """Options of commands that compute many runs, with values that take little time and no GPU."""
 
 INTERPRETED = {'NUMBA_DISABLE_JIT': '1'}
