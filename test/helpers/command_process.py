@@ -133,13 +133,13 @@ def _run_in_fork(
     sys.exit(main(arguments))
 
 
-def waited(pid: int) -> float:
-    """Return the time in s that the threads of a process have waited for a processor."""
+def busy(pid: int) -> float:
+    """Return the time in s that the threads of a process have computed or waited to compute."""
     total = 0
     for thread in Path(f'/proc/{pid}/task').iterdir():
         # A thread may end meanwhile.
         with contextlib.suppress(FileNotFoundError, ProcessLookupError):
-            total += int((thread / 'schedstat').read_text().split()[1])
+            total += sum(map(int, (thread / 'schedstat').read_text().split()[:2]))
     return 1e-9 * total
 
 

@@ -4,7 +4,8 @@
 """
 Recorders killed at random times lose at most 0.6 s of messages.
 
-The time in which a recorder waits for a processor of a busy machine is added.
+The time in which a recorder computes, or waits for a processor of a busy machine, is added: it
+receives nothing meanwhile.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import random
 import signal
 from tempfile import TemporaryDirectory
 
-from helpers.command_process import waited
+from helpers.command_process import busy
 from helpers.processes import PAPER, Peer, peer, Processes, processes, ros_arguments
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.log.recover.recover import recover
@@ -113,11 +114,11 @@ def kill_some(
     killed = []
     for process, log in recorders:
         # The file of a recorder grows with every flush.
-        size, start, before = log.stat().st_size, latest[-1], waited(process.process.pid)
+        size, start, before = log.stat().st_size, latest[-1], busy(process.process.pid)
         tester.until(lambda log=log, size=size: log.stat().st_size > size + 10_000, 'a file grows')
         moment = latest[-1] + rng.randrange(5 * 10**8)
         tester.until(lambda moment=moment: latest[-1] >= moment, 'further states')
-        loss = MAXIMUM_LOSS + waited(process.process.pid) - before
+        loss = MAXIMUM_LOSS + busy(process.process.pid) - before
         process.signal(signal.SIGKILL)
         killed.append((log, start, latest[-1], loss))
         assert process.wait() == -signal.SIGKILL
