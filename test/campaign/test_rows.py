@@ -17,7 +17,6 @@ import sys
 from helpers.campaigns import assert_equal, campaign_with, DRAWS, PAPER, SETTINGS
 from helpers.small_tree import hand_at_start, write_scenario
 import masmc_ros as masmc
-from masmc_ros.api.scenario import Scenario
 from masmc_ros.campaign.axes import axis
 from masmc_ros.campaign.campaign import Campaign, campaign_of
 from masmc_ros.campaign.dataset import arrays, Dataset
@@ -128,7 +127,7 @@ def test_runs_in_contact_equal_simulated_runs(settings: tuple[str, ...]) -> None
     pytest.importorskip('mujoco')
     settings = ('duration=0.2', 'plant.physics=mujoco', *settings)
     campaign = campaign_of(PAPER, settings)
-    result, run = rows(campaign, 0, 1), masmc.simulate(Scenario(PAPER, settings))
+    result, run = rows(campaign, 0, 1), masmc.simulate(load_scenario(PAPER, settings))
     for column in metric_columns(campaign.mechanism):
         value = column.value(run.metrics)
         expected = np.nan if value is None else value
@@ -139,7 +138,7 @@ def test_runs_in_contact_equal_simulated_runs(settings: tuple[str, ...]) -> None
 def test_metrics_of_shortest_runs_are_missing_as_in_simulated_runs(duration: str) -> None:
     settings = (f'duration={duration}',)
     result = rows(campaign_of(PAPER, settings), 0, 1)
-    run = masmc.simulate(Scenario(PAPER, settings))
+    run = masmc.simulate(load_scenario(PAPER, settings))
     for column in metric_columns(run.mechanism):
         value = column.value(run.metrics)
         expected = np.nan if value is None else value
