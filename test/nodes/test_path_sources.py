@@ -12,6 +12,7 @@ from typing import NamedTuple
 from helpers.followed import Array, Followed
 from helpers.pages import DOCS, ROOT
 from masmc_ros.aliases import Numbers
+from masmc_ros.loop.scenario import Scenario
 from masmc_ros.nodes.trajectory.path_messages import PathRequest
 from masmc_ros.reference.joint_path import JointPoints
 from masmc_ros.reference.pose_path import PosePoints
@@ -172,7 +173,7 @@ def test_path_of_every_source_has_the_stated_error(name: str, tmp_path: Path) ->
     start = start[:len(controlled.mechanism.axes)]
     # Until the robot is on its path, the reference rests.
     own.update({'type': 'waypoints', 'waypoints.times': [0.0], 'waypoints.points': start.tolist()})
-    loop = Followed(values)
+    loop = Followed(Scenario(**values))
     loop.follow(SETTLED)
     errors: dict[str, float] = {}
     for kind, settings in parameters(start, tmp_path / 'points.yaml').items():
