@@ -135,7 +135,7 @@ def _kept(node: str, values: Values, task: Values) -> MutableValues:
     kept = {}
     for parameter in declared(node, robot):
         name = parameter.name
-        value = {**values, **task}.get(name, parameter.default)
+        value = parameter.or_default({**values, **task})
         of_task = name in before and before[name].length != parameter.length
         of_path = node == 'trajectory' and name.partition('.')[0] in ('type', 'line_sine')
         if name != 'duration' and not (of_task or of_path) and value != parameter.default:

@@ -53,7 +53,8 @@ class Scenario:
 
     def __getitem__(self, node: str) -> Values:
         """Return the values of a node by its name; KeyError for a missing one."""
-        return self.values[node]
+        values: Values = getattr(self, node) if node in _SIMULATED else self.others[node]
+        return values
 
     @property
     def values(self) -> dict[str, Values]:

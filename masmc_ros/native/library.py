@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from functools import cache
 import hashlib
 from pathlib import Path
@@ -204,33 +204,40 @@ def _raise_absent() -> None:
     raise _AbsentError
 
 
+@contextmanager
+def _compiling(scenario: Scenario, names: Sequence[str]) -> Iterator[None]:
+    """Compile entries in another process meanwhile; their code is then on the disk."""
+    if processors() < 2:
+        yield
+        return
+    with subprocess.Popen(
+        module_command(__name__), stdin=subprocess.PIPE, stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    ) as process:  # fmt: skip
+        try:
+            assert process.stdin is not None
+            with suppress(BrokenPipeError), process.stdin:
+                process.stdin.write(pickle.dumps((scenario, names)))
+            yield
+            process.wait()
+        finally:
+            process.kill()
+
+
 def _compiled(
     simulation: Simulation, scenario: Scenario, names: Sequence[str]
 ) -> dict[str, Entry]:
     """Return entries; another process compiles those of the plant, unless the disk has them."""
     of_plant = [name for name in names if name.startswith('plant')]
-    process: subprocess.Popen[bytes] | None = None
+    others = [name for name in names if name not in of_plant]
     try:
-        entries(simulation, of_plant, _raise_absent)
+        plant = entries(simulation, of_plant, _raise_absent)
     except _AbsentError:
-        if processors() > 1:
-            process = subprocess.Popen(
-                module_command(__name__), stdin=subprocess.PIPE, stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-            )  # fmt: skip
-    try:
-        if process is not None and process.stdin is not None:
-            with suppress(BrokenPipeError), process.stdin:
-                process.stdin.write(pickle.dumps((scenario, of_plant)))
-        found = entries(simulation, [name for name in names if name not in of_plant])
-        if process is not None:
-            process.wait()
-    finally:
-        if process is not None:
-            process.kill()
-            process.wait()
-    # Their code is on the disk now, unless the process or the disk has failed.
-    return found | entries(simulation, of_plant)
+        with _compiling(scenario, of_plant):
+            found = entries(simulation, others)
+        # If the process or the disk has failed, they are compiled here.
+        return found | entries(simulation, of_plant)
+    return entries(simulation, others) | plant
 
 
 def _object_of(

@@ -69,12 +69,8 @@ def realisable_for_growth(
 
     Parameters
     ----------
-    error
-        Error e.
-    excess
-        Applied less requested u, in the unit of slope e.
-    slope
-        Gain k of the error, >= 0.
+    error, excess, slope
+        As for `realisable`.
     growth
         Rate at which the terms of u grow, in the unit of the slope per s.
     period
@@ -91,12 +87,8 @@ def realisable_part(error: float, excess: float, slope: float) -> float:
 
     Parameters
     ----------
-    error
-        Error e.
-    excess
-        Applied less requested u, in the unit of slope e.
-    slope
-        Gain k of the error, >= 0.
+    error, excess, slope
+        As for `realisable`.
 
     """
     part = realisable(error, excess, slope)

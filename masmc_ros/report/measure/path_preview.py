@@ -290,7 +290,7 @@ def _joined(error: Array, mechanism: Mechanism, timing: Timing) -> int:
 def _nominal_scenario(scenario: Scenario, slowdown: float) -> Scenario:
     """Return plant, controller and trajectory of a preview."""
     duration = {'duration': slowdown * DURATION.of(scenario.plant)}
-    mechanism = scenario.robot.mechanism
+    mechanism = scenario.mechanism
     nominal: dict[str, MutableValues] = {}
     for node in ('plant', 'controller'):
         kept = (*_PHYSICAL, *(_OF_CONTROL if node == 'controller' else ()))

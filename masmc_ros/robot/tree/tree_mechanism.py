@@ -526,7 +526,7 @@ def tree_mechanism(values: Values) -> TreeMechanism:
 
     Raises InputError if they do not describe a robot.
     """
-    own = tuple(p.check(values.get(p.name, p.default)) for p in _DESCRIBING)
+    own = tuple(p.check(p.or_default(values)) for p in _DESCRIBING)
     return _made(values[URDF], own, _version_of(values[URDF]))
 
 

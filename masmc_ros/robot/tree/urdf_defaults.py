@@ -726,7 +726,7 @@ def _task_and_start(
     description: Description, robot: TreeRobot, values: MutableValues, start_of_user: object
 ) -> list[Choice]:
     """Choose task, start, posture and path; they follow a start of the user."""
-    every = {p.name: values.get(p.name, p.default) for p in PARAMETERS}
+    every = {p.name: p.or_default(values) for p in PARAMETERS}
     postures, kinds = _postures(robot)
     stated = TASK.of(every) if 'robot.task' in values else None
     velocities = robot.tree.base + len(robot.joints)
