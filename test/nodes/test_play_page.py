@@ -122,7 +122,7 @@ def test_play_slider_changes_running_controller(tmp_path: Path) -> None:
                 'a push',
             )
             click(page, 'Report this run')
-            # A process of the lowest priority writes it.
+            # A process of a low priority writes it.
             assert page.result(LINKED, patience=COMPILING), page.text()
 
             click(page, 'Disable')
