@@ -9,6 +9,7 @@ import ast
 from collections.abc import Iterator, Sequence
 import os
 from pathlib import Path
+import re
 import subprocess
 import sys
 import tempfile
@@ -100,10 +101,13 @@ def test_python_children_start_by_module_command() -> None:
 def test_demo_foreign_modules_and_ascii_locale_reported(tmp_path: Path) -> None:
     pytest.importorskip('rclpy')
     foreign_modules(tmp_path)
-    result = run(masmc('demo', '--output', 'jägerδ'), tmp_path, **ASCII)
+    text = Path(PAPER).read_text(encoding='utf-8')
+    short = re.sub('duration: .*', 'duration: 1.0', text)
+    (tmp_path / 'short.yaml').write_text(short, encoding='utf-8')
+    result = run(masmc('demo', '--robot', 'short.yaml', '--output', 'jägerδ'), tmp_path, **ASCII)
     assert result.returncode == 0, result.stderr
     assert (tmp_path / 'jägerδ' / 'report' / 'report.html').exists()
-    assert 'Shown: paper.yaml on ROS 2 nodes' in result.stdout
+    assert 'Shown: short.yaml on ROS 2 nodes' in result.stdout
     assert 'Logs: jägerδ/smc.mcap' in result.stdout
 
 
