@@ -8,12 +8,15 @@ Numba numbers the files of a function and maps signatures to numbers in an index
 processes that compile at once, such as nodes started together, take the same number. One of them
 would then load the code of the other: that of another law, for records of other sizes. Here
 the file name has digests of the signature and of the sources, and the file contains both.
+
+A process that compiles holds a lock; others that need the same code wait for it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
+import fcntl
 from functools import cache
 import hashlib
 import logging
@@ -21,6 +24,7 @@ import os
 from pathlib import Path
 import pickle
 import tempfile
+import time
 
 from masmc_ros.jit.generated import Types
 from numba.core.serialize import dumps
@@ -38,6 +42,16 @@ _DAMAGED = (
 
 _VERSIONS = 3
 """Number of kept files of a signature for different sources, such as those of two branches."""
+
+_LONGEST_WAIT = 120.0
+"""
+Maximum time in s to wait for another process that compiles the same code.
+
+A process that has been stopped, or a slow one, would otherwise delay the others further.
+"""
+
+_POLLING = 0.002
+"""Time in s between two attempts to get a lock."""
 
 Key = tuple[Types, object, object]
 """Key of Numba: types of the arguments, the machine and the code of the function."""
@@ -63,6 +77,20 @@ class CodeFiles:
         self._folder, self._name, self._sources = Path(folder), name, sources
 
     def load(self, key: Key) -> object:
+        """
+        Return the data saved under a key, or None if this process has to compute them.
+
+        Other processes that load the same data wait until they are saved, or `unlock` is called.
+        """
+        data = self.read(key)
+        if data is None and _wait_for_lock(self.path(key)):
+            # The previous owner of the lock may have saved them.
+            data = self.read(key)
+            if data is not None:
+                unlock(self.path(key))
+        return data
+
+    def read(self, key: Key) -> object:
         """Return the data saved under a key; None if there is none or the file is damaged."""
         try:
             sources, signature, data = pickle.loads(self.path(key).read_bytes())
@@ -80,6 +108,8 @@ class CodeFiles:
             self._save(key, data)
         except OSError as error:
             _report(str(self._folder), error.strerror or str(error))
+        finally:
+            unlock(self.path(key))
 
     def _save(self, key: Key, data: object) -> None:
         content = dumps((self._sources(key), key, data))
@@ -109,6 +139,66 @@ class CodeFiles:
     def path(self, key: Key) -> Path:
         """Return the path of the file of a key."""
         return self._folder / f'{self._signature(key)}.{self._sources(key)}.nbc'
+
+
+_locked: list[Path] = []
+"""Paths of the code that this process computes: each is needed by the one before."""
+
+
+def _wait_for_lock(path: Path) -> bool:
+    """
+    Lock a path for this process, and return True if it is locked.
+
+    Without locks, as in some network file systems, every process computes the code itself. So
+    does a process that runs only if no other one has to, because all others would wait for it.
+    """
+    if path in _locked or _is_idle():
+        return False
+    end = time.monotonic() + _LONGEST_WAIT
+    while time.monotonic() < end:
+        try:
+            fcntl.lockf(_lock_file(path.parent), fcntl.LOCK_EX | fcntl.LOCK_NB, 1, _place(path))
+        except (BlockingIOError, PermissionError):
+            time.sleep(_POLLING)
+        except OSError:
+            return False
+        else:
+            _locked.append(path)
+            return True
+    return False
+
+
+def _is_idle() -> bool:
+    return hasattr(os, 'SCHED_IDLE') and os.sched_getscheduler(0) == os.SCHED_IDLE
+
+
+def unlock(path: Path | None = None) -> None:
+    """
+    Let other processes compute the code of a path, if this process has locked it.
+
+    Parameters
+    ----------
+    path
+        Path of the code, which this process has saved. The code that it needed and that was not
+        saved is unlocked as well; its compilation has failed. None: all code.
+
+    """
+    if path is None or path in _locked:
+        first = 0 if path is None else _locked.index(path)
+        for code in _locked[first:]:
+            with suppress(OSError):
+                fcntl.lockf(_lock_file(code.parent), fcntl.LOCK_UN, 1, _place(code))
+        del _locked[first:]
+
+
+@cache
+def _lock_file(folder: Path) -> int:
+    """Return the descriptor of the file of a folder whose bytes are locked, one for each code."""
+    return os.open(folder / 'locks', os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+
+
+def _place(path: Path) -> int:
+    return int.from_bytes(hashlib.sha256(path.name.encode()).digest()[:7], 'big')
 
 
 @cache

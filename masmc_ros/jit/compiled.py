@@ -33,8 +33,8 @@ import zlib
 
 from llvmlite import __version__ as llvmlite_version
 from masmc_ros.aliases import AnyFunction, Function
-from masmc_ros.errors import UserError
-from masmc_ros.jit.code_files import CodeFiles, Key
+from masmc_ros.errors import InputError, UserError
+from masmc_ros.jit.code_files import CodeFiles, Key, unlock
 from masmc_ros.jit.compiler_errors import COMPILER_ERRORS, explained
 from masmc_ros.jit.generated import Types
 from masmc_ros.jit.inlined_code import ExportedCompiler, InlinedCompiler
@@ -94,6 +94,12 @@ _EXPORTED: Mapping[str, Any] = {
     'pipeline_class': ExportedCompiler,
 }  # fmt: skip
 """Options of functions for other processors, which this process does not run."""
+
+
+def _failure(error: Exception) -> InputError:
+    """Return the line of an error of the compiler, and let other processes compile the code."""
+    unlock()
+    return explained(error)
 
 
 class Formula:
@@ -160,7 +166,7 @@ class Kernel(Formula):
         try:
             return self._compiled(*arguments)
         except COMPILER_ERRORS as error:
-            raise explained(error) from error
+            raise _failure(error) from error
 
     def __getattr__(self, name: str) -> Any:
         """Return an attribute of the dispatcher."""
@@ -287,7 +293,7 @@ def bound(kernel: Function, *arguments: object) -> Function:
     try:
         code = kernel.compile(types) if loaded is None else loaded.entry_point
     except COMPILER_ERRORS as error:
-        raise explained(error) from error
+        raise _failure(error) from error
     return cast(Function, code)
 
 
@@ -310,7 +316,7 @@ def is_on_disk(kernel: Function, *arguments: object) -> bool:
 
 def is_whole_on_disk(kernel: Function, *arguments: object) -> bool:
     """Return True if the disk has the compiled code; reads the file to check it."""
-    return _code_files(kernel).load(_code_key(kernel, arguments)) is not None
+    return _code_files(kernel).read(_code_key(kernel, arguments)) is not None
 
 
 def _code_files(kernel: Function) -> CodeFiles:
@@ -412,7 +418,7 @@ def exported_code(
             code = njit(**_EXPORTED)(function)
             code.compile(signature)
         except COMPILER_ERRORS as error:
-            raise explained(error) from error
+            raise _failure(error) from error
         finally:
             _thread.is_exporting = False
         name = code.overloads[signature.args].fndesc.llvm_func_name
@@ -455,8 +461,11 @@ def stored(
     key = kinds, (ll.get_host_cpu_name(), llvmlite_version), contents
     data = cast(bytes | None, files.load(key))
     if data is None:
-        data = zlib.compress(pickle.dumps(compute()), 1)
-        files.save(key, data)
+        try:
+            data = zlib.compress(pickle.dumps(compute()), 1)
+            files.save(key, data)
+        finally:
+            unlock(files.path(key))
     return pickle.loads(zlib.decompress(data))
 
 

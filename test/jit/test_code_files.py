@@ -5,14 +5,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 import errno
 from functools import partial
 import os
 from pathlib import Path
+import signal
 import subprocess
 import sys
 
-from masmc_ros.jit.code_files import _VERSIONS, CodeFiles
+from masmc_ros.errors import InputError
+from masmc_ros.jit import code_files
+from masmc_ros.jit.code_files import _VERSIONS, CodeFiles, unlock
+from masmc_ros.jit.compiled import kernel
 import pytest
 
 PROCESSES = 6
@@ -39,44 +44,164 @@ if __name__ == '__main__':
 """
 
 
-@pytest.mark.slow
-def test_code_files_concurrent_processes_do_not_mix_signatures(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+Start = Callable[..., subprocess.Popen[str]]
+"""Start a process with a name, the number of those that start together, and sizes of tuples."""
+
+
+@pytest.fixture
+def start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Start]:
+    """Yield a function that starts a process of SOURCE with an empty folder of compiled code."""
     monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path / 'cache'))
     monkeypatch.setenv('NUMBA_DISABLE_JIT', '0')
     script = tmp_path / 'total.py'
     script.write_text(SOURCE)
-    sizes = [str(size) for size in range(1, PROCESSES + 1)]
+    processes = []
 
-    def run(name: str, together: int, *sizes: str) -> subprocess.Popen[str]:
-        return subprocess.Popen(
+    def started(name: str, together: int, *sizes: str) -> subprocess.Popen[str]:
+        process = subprocess.Popen(
             [sys.executable, str(script), str(tmp_path / f'ready.{name}'), str(together), *sizes],
             stdout=subprocess.PIPE,
             text=True,
         )
+        processes.append(process)
+        return process
 
-    started = [run(size, PROCESSES, size) for size in sizes]
+    try:
+        yield started
+    finally:
+        for process in processes:
+            process.kill()
+            process.communicate()
+
+
+@pytest.mark.slow
+def test_code_files_concurrent_processes_do_not_mix_signatures(start: Start) -> None:
+    sizes = [str(size) for size in range(1, PROCESSES + 1)]
+    started = [start(size, PROCESSES, size) for size in sizes]
     outputs = [process.communicate(timeout=120)[0] for process in started]
     assert outputs == [f'[{float(size) ** 2}] 0\n' for size in map(int, sizes)]
     # A later process finds all files, each under its own signature.
-    later = run('later', 0, *sizes).communicate(timeout=120)[0]
+    later = start('later', 0, *sizes).communicate(timeout=120)[0]
     assert later == f'{[float(size) ** 2 for size in map(int, sizes)]} {PROCESSES}\n'
 
 
-def test_code_files_load_returns_code_of_its_key_only(tmp_path: Path) -> None:
+@pytest.mark.slow
+def test_code_files_concurrent_processes_compile_once(start: Start) -> None:
+    started = [start(str(k), PROCESSES, '3') for k in range(PROCESSES)]
+    outputs = sorted(process.communicate(timeout=120)[0] for process in started)
+    # The last number of each process is that of the files that it has loaded.
+    assert outputs == ['[9.0] 0\n', *['[9.0] 1\n'] * (PROCESSES - 1)]
+
+
+LOCKING = """
+import sys, time
+from masmc_ros.jit.code_files import CodeFiles
+assert CodeFiles(sys.argv[1], 'total', lambda key: 'sources').load('key') is None
+print('locked', flush=True)
+time.sleep(600)
+"""
+
+
+@pytest.fixture
+def owner(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
+    """Yield a process that computes the code of 'key' in the folder `tmp_path` and never ends."""
+    command = [sys.executable, '-c', LOCKING, str(tmp_path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline() == 'locked\n'
+            yield process
+        finally:
+            process.kill()
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> Iterator[CodeFiles]:
+    """Yield the code files of the folder `tmp_path`; nothing stays locked."""
+    yield CodeFiles(str(tmp_path), 'total', lambda key: 'sources')
+    unlock()
+
+
+def test_code_files_of_killed_owner_are_computed(
+    owner: subprocess.Popen[str], files: CodeFiles, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pauses = []
+
+    def pause(duration: float) -> None:
+        pauses.append(duration)
+        owner.kill()
+        owner.wait()
+
+    monkeypatch.setattr(code_files.time, 'sleep', pause)
+    assert files.load('key') is None
+    assert len(pauses) == 1
+
+
+def test_code_files_of_running_owner_are_loaded_when_saved(
+    owner: subprocess.Popen[str], files: CodeFiles, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def pause(duration: float) -> None:
+        files.save('key', 'code')
+        owner.kill()
+        owner.wait()
+
+    monkeypatch.setattr(code_files.time, 'sleep', pause)
+    assert files.load('key') == 'code'
+    # Another code is not locked.
+    assert files.load('other') is None
+
+
+def test_code_files_of_stopped_owner_are_computed_after_longest_wait(
+    owner: subprocess.Popen[str], files: CodeFiles, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    os.kill(owner.pid, signal.SIGSTOP)
+    now = [0.0]
+
+    def pause(duration: float) -> None:
+        now[0] += 1.0
+
+    monkeypatch.setattr(code_files.time, 'sleep', pause)
+    monkeypatch.setattr(code_files.time, 'monotonic', lambda: now[0])
+    assert files.load('key') is None
+    assert now == [code_files._LONGEST_WAIT]
+
+
+@pytest.mark.parametrize('ending', ['saved', 'failed', 'outer saved'])
+def test_code_files_are_unlocked(ending: str, tmp_path: Path, files: CodeFiles) -> None:
+    assert files.load('outer') is None
+    assert files.load('key') is None
+    if ending == 'failed':
+        unlock()
+    else:
+        files.save('key' if ending == 'saved' else 'outer', 'code')
+    command = [sys.executable, '-c', LOCKING.replace('assert ', '').replace('600', '0')]
+    subprocess.run([*command, str(tmp_path)], timeout=60, check=True)
+
+
+def test_kernel_that_cannot_be_compiled_is_unlocked() -> None:
+    with pytest.raises(InputError, match='nothing'):
+        _failing(1.0)
+    assert not code_files._locked
+
+
+@kernel
+def _failing(value: float) -> float:
+    return value.nothing  # type: ignore[attr-defined,no-any-return]
+
+
+def test_code_files_read_returns_code_of_its_key_only(tmp_path: Path) -> None:
     one, other = (CodeFiles(str(tmp_path), 'total', lambda key: 'sources') for _ in range(2))
     one.save(('a', 1), 'code of a')
     other.save(('b', 1), 'code of b')
-    assert [files.load(key) for files in (one, other) for key in (('a', 1), ('b', 1))] == [
+    assert [files.read(key) for files in (one, other) for key in (('a', 1), ('b', 1))] == [
         'code of a', 'code of b',
     ] * 2
-    assert one.load(('c', 1)) is None
+    assert one.read(('c', 1)) is None
     # Other sources, or a file renamed to that of another key.
-    assert CodeFiles(str(tmp_path), 'total', lambda key: 'others').load(('a', 1)) is None
+    assert CodeFiles(str(tmp_path), 'total', lambda key: 'others').read(('a', 1)) is None
     a, b = (files for files in sorted(tmp_path.iterdir()))
     a.write_bytes(b.read_bytes())
-    assert sorted(str(one.load(key)) for key in (('a', 1), ('b', 1))) in (
+    assert sorted(str(one.read(key)) for key in (('a', 1), ('b', 1))) in (
         ['None', 'code of a'], ['None', 'code of b'],
     )
 
@@ -91,7 +216,7 @@ def test_code_files_of_older_sources_are_deleted(tmp_path: Path) -> None:
             files.save(key, k)
             os.utime(files.path(key), (k, k))
     for key in 'a', 'b':
-        assert [files.load(key) for files in versions] == [None, None, *range(2, len(versions))]
+        assert [files.read(key) for files in versions] == [None, None, *range(2, len(versions))]
 
 
 @pytest.mark.parametrize('length', [0, 1, 40, -1])
@@ -100,9 +225,9 @@ def test_code_files_damaged_file_returns_none(tmp_path: Path, length: int) -> No
     files.save('key', list(range(100)))
     path, = tmp_path.iterdir()
     path.write_bytes(path.read_bytes()[:length])
-    assert files.load('key') is None
+    assert files.read('key') is None
     files.save('key', 'whole')
-    assert files.load('key') == 'whole'
+    assert files.read('key') == 'whole'
     files.flush()
     assert not list(tmp_path.iterdir())
 
