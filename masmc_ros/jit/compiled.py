@@ -37,7 +37,7 @@ from masmc_ros.errors import InputError, UserError
 from masmc_ros.jit.code_files import CodeFiles, Key, unlock
 from masmc_ros.jit.compiler_errors import COMPILER_ERRORS, explained
 from masmc_ros.jit.generated import Types
-from masmc_ros.jit.inlined_code import ExportedCompiler, InlinedCompiler
+from masmc_ros.jit.inlined_code import CalledCompiler, ExportedCompiler, InlinedCompiler
 from masmc_ros.jit.sized_records import has_sized_records, type_of
 from masmc_ros.jit.sources import digest, files_of_types, remember
 from masmc_ros.jit.supported_numba import (
@@ -105,9 +105,12 @@ def _failure(error: Exception) -> InputError:
 class Formula:
     """Formula that compiled functions inline; a call from Python computes it in plain Python."""
 
-    def __init__(self, function: Function) -> None:
-        """Initialise the formula of a function in plain Python."""
+    def __init__(
+        self, function: Function, compiler: type[InlinedCompiler] = InlinedCompiler
+    ) -> None:
+        """Initialise the formula of a function in plain Python, and its compiler."""
         update_wrapper(self, function)
+        self._compiler = compiler
         self.py_func = function
         # A later edit of the file is another source than that of this process.
         remember(function.__code__.co_filename)
@@ -119,7 +122,7 @@ class Formula:
             self.py_func,
             forceinline=True,
             no_cpython_wrapper=True,
-            pipeline_class=InlinedCompiler,
+            pipeline_class=self._compiler,
         )
 
     @cached_property
@@ -130,7 +133,12 @@ class Formula:
     def _numba_type_(self) -> Any:
         """Function that compiled code uses in place of this object."""
         is_exporting = getattr(_thread, 'is_exporting', False)
-        return (self._exported if is_exporting else self._compiled)._numba_type_
+        return (self._exported if is_exporting else self._called)._numba_type_
+
+    @property
+    def _called(self) -> Any:
+        """Function for calls from compiled functions of this process."""
+        return self._compiled
 
     def __call__(self, *arguments: object) -> Any:
         """Call it from Python, with the same bits; compiling it would take longer."""
@@ -156,6 +164,13 @@ class Kernel(Formula):
         """Initialise the kernel of a function in plain Python."""
         super().__init__(function)
         self.__dict__['_compiled'] = compiled
+
+    @cached_property
+    def _called(self) -> Any:
+        # Its callers optimise it and make its instructions.
+        return _compile(
+            self.py_func, 'called', no_cpython_wrapper=True, pipeline_class=InlinedCompiler
+        )
 
     def __call__(self, *arguments: object) -> Any:
         """Call it from Python; raise InputError with one line if it cannot be compiled."""
@@ -196,6 +211,17 @@ def formula(function: AnyFunction) -> AnyFunction:
     return function if _settings.DISABLE_JIT else cast(AnyFunction, Formula(function))
 
 
+def subroutine(function: AnyFunction) -> AnyFunction:
+    """
+    Compile a formula of many operations; robots whose sizes are known at run time call it.
+
+    Inlined, it would make functions so long that they compile for several times as long.
+    """
+    if _settings.DISABLE_JIT:
+        return function
+    return cast(AnyFunction, Formula(function, CalledCompiler))
+
+
 def inlined(function: AnyFunction) -> AnyFunction:
     """
     Compile a function such that its statements replace its calls in compiled functions.
@@ -206,7 +232,7 @@ def inlined(function: AnyFunction) -> AnyFunction:
     if _settings.DISABLE_JIT:
         return function
     compiled = Kernel(function, njit(inline='always')(function))
-    compiled.__dict__['_exported'] = compiled.__dict__['_compiled']
+    compiled.__dict__['_exported'] = compiled.__dict__['_called'] = compiled.__dict__['_compiled']
     return cast(AnyFunction, compiled)
 
 
@@ -332,7 +358,20 @@ def _code_key(kernel: Function, arguments: tuple[object, ...]) -> Key:
     return key
 
 
-def _compile(function: Function, **options: Any) -> Any:
+def _compile(function: Function, kind: str = '', **options: Any) -> Any:
+    """
+    Return the dispatcher of a function.
+
+    Parameters
+    ----------
+    function
+        Function in plain Python.
+    kind
+        Part of the names of its files, for a second dispatcher of the same function.
+    options
+        Options of Numba.
+
+    """
     # IEEE division (error_model) instead of a branch that raises ZeroDivisionError.
     previous, _settings.CACHE_DIR = _settings.CACHE_DIR, str(code_directory())
     try:
@@ -342,11 +381,11 @@ def _compile(function: Function, **options: Any) -> Any:
     finally:
         _settings.CACHE_DIR = previous
     if not _settings.DISABLE_JIT:
-        _replace_files(compiled, function.__code__.co_filename)
+        _replace_files(compiled, function.__code__.co_filename, kind)
     return compiled
 
 
-def _replace_files(compiled: Any, source: str) -> None:
+def _replace_files(compiled: Any, source: str, kind: str) -> None:
     """
     Replace Numba's files of compiled code.
 
@@ -358,7 +397,7 @@ def _replace_files(compiled: Any, source: str) -> None:
         remember(source, cache._impl.locator.get_source_stamp)
         cache._cache_file = CodeFiles(
             cache.cache_path,
-            cache._impl.filename_base,
+            cache._impl.filename_base + kind,
             lambda key: digest({source, *files_of_types(key[0])}),
         )
     except AttributeError as error:

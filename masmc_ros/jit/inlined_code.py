@@ -80,6 +80,21 @@ class InlinedCompiler(Compiler):
         return not any(map(has_sizes_at_run_time, self.state.args))
 
 
+class CalledCompiler(InlinedCompiler):
+    """
+    Compiler of functions that are inlined only if their sizes are constant.
+
+    Functions of sizes at run time are long, and LLVM takes more than twice as long for a function
+    of twice the length.
+    """
+
+    def compile_extra(self, function: Function) -> Type:
+        """Compile a function, whose callers inline it or call it."""
+        if not self.is_optimised():
+            self.state.flags.forceinline = False
+        return super().compile_extra(function)
+
+
 class _ExportedLibrary(JITCodeLibrary):
     """
     Code of a function for other processors; this process does not run it.

@@ -15,16 +15,20 @@ from masmc_ros.jit.compiled import (
     address_of,
     bound,
     called_by_address,
+    code_file,
     formula,
     interpreted,
     is_interpreted,
     is_loaded,
     is_whole_on_disk,
     kernel,
+    subroutine,
 )
 from masmc_ros.jit.field import Field
+from masmc_ros.jit.inlined_code import CalledCompiler
 from masmc_ros.jit.lanes import lane_of
 from masmc_ros.jit.record import copied, copy_to, lane_count, new_record
+from masmc_ros.jit.vectors import VectorType
 import numba
 from numba.core import event
 import pytest
@@ -154,3 +158,61 @@ def test_formula_in_kernel_has_no_machine_code() -> None:
     code = next(iter(compiled.overloads.values()))
     assert code.library.get_pointer_to_function(code.fndesc.llvm_func_name) == 0
     assert _tripled(2.0) == 6.0
+
+
+def _first(values: Any) -> Any:
+    return 2.0 * values[0]
+
+
+@pytest.mark.skipif(is_interpreted(), reason='nothing is compiled')
+@pytest.mark.parametrize(
+    ('kind', 'is_inlined'),
+    [(numba.types.UniTuple(numba.float64, 3), True), (VectorType(numba.float64), False)],
+)
+def test_subroutine_is_inlined_if_sizes_are_constant(kind: Any, is_inlined: bool) -> None:
+    # Options of a formula but for the cache: stored code cannot be inspected.
+    first = numba.njit(
+        forceinline=True,
+        no_cpython_wrapper=True,
+        no_cfunc_wrapper=True,
+        pipeline_class=CalledCompiler,
+    )(_first)
+    first.compile((kind,))
+    code, = first.overloads.values()
+    assert ('alwaysinline' in code.library.get_llvm_str()) == is_inlined
+
+
+@subroutine
+def _scaled(values: tuple[float, ...]) -> float:
+    return 3.0 * values[1]
+
+
+@kernel
+def _scaled_twice(values: tuple[float, ...]) -> float:
+    return 2.0 * _scaled(values)
+
+
+def test_subroutine_compiled_equals_python() -> None:
+    assert _scaled_twice((1.0, 2.0)) == 12.0
+    assert _scaled((1.0, 2.0)) == 6.0
+
+
+@pytest.mark.skipif(is_interpreted(), reason='nothing is compiled')
+def test_kernel_called_by_kernel_has_no_machine_code_of_its_own() -> None:
+    assert _total_of_kernels(2.0) == 8.0
+    called = cast(Any, _doubled_alone)._called
+    called.compile((numba.float64,))
+    code = next(iter(called.overloads.values()))
+    assert code.library.get_pointer_to_function(code.fndesc.llvm_func_name) == 0
+    assert _doubled_alone(2.0) == 4.0
+    assert code_file(_doubled_alone, 2.0).exists()
+
+
+@kernel
+def _doubled_alone(value: float) -> float:
+    return 2.0 * value
+
+
+@kernel
+def _total_of_kernels(value: float) -> float:
+    return _doubled_alone(_doubled_alone(value))

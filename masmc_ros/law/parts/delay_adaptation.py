@@ -11,7 +11,7 @@ acceleration d that the model does not explain does.
 from __future__ import annotations
 
 from masmc_ros.aliases import Numbers
-from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.compiled import formula, subroutine
 from masmc_ros.jit.tuples import dot, elementwise
 from masmc_ros.law.parts import moving_base
 from masmc_ros.law.parts.delay_fields import CompensationMemory, CompensationSettings
@@ -32,7 +32,7 @@ def _relative(gradient: float, nominal: float) -> float:
     return gradient * nominal * nominal
 
 
-@formula
+@subroutine
 def measured_gradient(
     settings: CompensationSettings, memory: CompensationMemory, tick: Tick
 ) -> Numbers:

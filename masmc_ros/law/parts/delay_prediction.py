@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from masmc_ros.aliases import Numbers
 from masmc_ros.jit.arrays import read_along, write_along
-from masmc_ros.jit.compiled import formula, kernel
+from masmc_ros.jit.compiled import formula, kernel, subroutine
 from masmc_ros.jit.lanes import in_place
 from masmc_ros.jit.tuples import elementwise, head, joined, tail
 from masmc_ros.law.fields import Settings
@@ -115,7 +115,7 @@ def _mean_command(
 # Model.
 
 
-@formula
+@subroutine
 def _derivative(
     settings: CompensationSettings,
     theta: Numbers,
@@ -301,7 +301,7 @@ def _slipped(rate: float, rolling: float, predicted: float) -> float:
     return rate - rolling + predicted
 
 
-@formula
+@subroutine
 def predicted_state(
     settings: CompensationSettings, memory: CompensationMemory, state: State
 ) -> State:
