@@ -20,6 +20,7 @@ import fcntl
 from functools import cache
 import hashlib
 import logging
+import math
 import os
 from pathlib import Path
 import pickle
@@ -80,14 +81,14 @@ class CodeFiles:
         """
         Return the data saved under a key, or None if this process has to compute them.
 
-        Other processes that load the same data wait until they are saved, or `unlock` is called.
+        Other processes that load the same data wait until they are saved, or the lock is released.
         """
         data = self.read(key)
-        if data is None and _wait_for_lock(self.path(key)):
+        if data is None and LOCKS.acquire(self.path(key)):
             # The previous owner of the lock may have saved them.
             data = self.read(key)
             if data is not None:
-                unlock(self.path(key))
+                LOCKS.release(self.path(key))
         return data
 
     def read(self, key: Key) -> object:
@@ -109,7 +110,7 @@ class CodeFiles:
         except OSError as error:
             _report(str(self._folder), error.strerror or str(error))
         finally:
-            unlock(self.path(key))
+            LOCKS.release(self.path(key))
 
     def _save(self, key: Key, data: object) -> None:
         content = dumps((self._sources(key), key, data))
@@ -141,54 +142,69 @@ class CodeFiles:
         return self._folder / f'{self._signature(key)}.{self._sources(key)}.nbc'
 
 
-_locked: list[Path] = []
-"""Paths of the code that this process computes: each is needed by the one before."""
-
-
-def _wait_for_lock(path: Path) -> bool:
+class _Locks:
     """
-    Lock a path for this process, and return True if it is locked.
+    Locks of the code that this process computes: bytes of one file in each folder.
 
     Without locks, as in some network file systems, every process computes the code itself. So
     does a process that runs only if no other one has to, because all others would wait for it.
     """
-    if path in _locked or _is_idle():
-        return False
-    end = time.monotonic() + _LONGEST_WAIT
-    while time.monotonic() < end:
-        try:
-            fcntl.lockf(_lock_file(path.parent), fcntl.LOCK_EX | fcntl.LOCK_NB, 1, _place(path))
-        except (BlockingIOError, PermissionError):
-            time.sleep(_POLLING)
-        except OSError:
+
+    def __init__(self) -> None:
+        self._held: list[Path] = []
+        self._end_of_patience = math.inf
+
+    def acquire(self, path: Path) -> bool:
+        """
+        Wait until no other process computes the code of a path; return True if it is locked now.
+
+        A process waits for one whose code is not there after the longest wait, and not again for
+        each function that this code needs.
+        """
+        if path in self._held or _is_idle():
             return False
-        else:
-            _locked.append(path)
-            return True
-    return False
+        end = min(time.monotonic() + _LONGEST_WAIT, self._end_of_patience)
+        at_once = fcntl.LOCK_EX | fcntl.LOCK_NB
+        while True:
+            try:
+                fcntl.lockf(_lock_file(path.parent), at_once, 1, _place(path))
+            except (BlockingIOError, PermissionError):
+                if time.monotonic() >= end:
+                    self._end_of_patience = end
+                    return False
+                time.sleep(_POLLING)
+            except OSError:
+                return False
+            else:
+                self._held.append(path)
+                return True
+
+    def release(self, path: Path) -> None:
+        """
+        Let other processes compute the code of a path, which this process has saved.
+
+        Code that it needed and that was not saved is released as well; its compilation failed.
+        """
+        if path in self._held:
+            self._release_from(self._held.index(path))
+
+    def release_all(self) -> None:
+        """Let other processes compute what this process could not compile."""
+        self._release_from(0)
+
+    def _release_from(self, first: int) -> None:
+        for path in self._held[first:]:
+            with suppress(OSError):
+                fcntl.lockf(_lock_file(path.parent), fcntl.LOCK_UN, 1, _place(path))
+        del self._held[first:]
+
+
+LOCKS = _Locks()
+"""Locks of this process."""
 
 
 def _is_idle() -> bool:
     return hasattr(os, 'SCHED_IDLE') and os.sched_getscheduler(0) == os.SCHED_IDLE
-
-
-def unlock(path: Path | None = None) -> None:
-    """
-    Let other processes compute the code of a path, if this process has locked it.
-
-    Parameters
-    ----------
-    path
-        Path of the code, which this process has saved. The code that it needed and that was not
-        saved is unlocked as well; its compilation has failed. None: all code.
-
-    """
-    if path is None or path in _locked:
-        first = 0 if path is None else _locked.index(path)
-        for code in _locked[first:]:
-            with suppress(OSError):
-                fcntl.lockf(_lock_file(code.parent), fcntl.LOCK_UN, 1, _place(code))
-        del _locked[first:]
 
 
 @cache

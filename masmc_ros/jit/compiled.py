@@ -34,7 +34,7 @@ import zlib
 from llvmlite import __version__ as llvmlite_version
 from masmc_ros.aliases import AnyFunction, Function
 from masmc_ros.errors import InputError, UserError
-from masmc_ros.jit.code_files import CodeFiles, Key, unlock
+from masmc_ros.jit.code_files import CodeFiles, Key, LOCKS
 from masmc_ros.jit.compiler_errors import COMPILER_ERRORS, explained
 from masmc_ros.jit.generated import Types
 from masmc_ros.jit.inlined_code import CalledCompiler, ExportedCompiler, InlinedCompiler
@@ -98,7 +98,7 @@ _EXPORTED: Mapping[str, Any] = {
 
 def _failure(error: Exception) -> InputError:
     """Return the line of an error of the compiler, and let other processes compile the code."""
-    unlock()
+    LOCKS.release_all()
     return explained(error)
 
 
@@ -504,7 +504,7 @@ def stored(
             data = zlib.compress(pickle.dumps(compute()), 1)
             files.save(key, data)
         finally:
-            unlock(files.path(key))
+            LOCKS.release(files.path(key))
     return pickle.loads(zlib.decompress(data))
 
 

@@ -16,7 +16,7 @@ import sys
 
 from masmc_ros.errors import InputError
 from masmc_ros.jit import code_files
-from masmc_ros.jit.code_files import _VERSIONS, CodeFiles, unlock
+from masmc_ros.jit.code_files import _VERSIONS, CodeFiles, LOCKS
 from masmc_ros.jit.compiled import kernel
 import pytest
 
@@ -96,7 +96,8 @@ def test_code_files_concurrent_processes_compile_once(start: Start) -> None:
 LOCKING = """
 import sys, time
 from masmc_ros.jit.code_files import CodeFiles
-assert CodeFiles(sys.argv[1], 'total', lambda key: 'sources').load('key') is None
+files = CodeFiles(sys.argv[1], 'total', lambda key: 'sources')
+assert [files.load(key) for key in sys.argv[2:]] == [None] * len(sys.argv[2:])
 print('locked', flush=True)
 time.sleep(600)
 """
@@ -104,8 +105,8 @@ time.sleep(600)
 
 @pytest.fixture
 def owner(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
-    """Yield a process that computes the code of 'key' in the folder `tmp_path` and never ends."""
-    command = [sys.executable, '-c', LOCKING, str(tmp_path)]
+    """Yield a process that computes the code of two keys in `tmp_path` and never ends."""
+    command = [sys.executable, '-c', LOCKING, str(tmp_path), 'key', 'inner']
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         try:
             assert process.stdout is not None
@@ -116,10 +117,12 @@ def owner(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
 
 
 @pytest.fixture
-def files(tmp_path: Path) -> Iterator[CodeFiles]:
+def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[CodeFiles]:
     """Yield the code files of the folder `tmp_path`; nothing stays locked."""
+    locks = code_files._Locks()
+    monkeypatch.setattr(code_files, 'LOCKS', locks)
     yield CodeFiles(str(tmp_path), 'total', lambda key: 'sources')
-    unlock()
+    locks.release_all()
 
 
 def test_code_files_of_killed_owner_are_computed(
@@ -164,6 +167,9 @@ def test_code_files_of_stopped_owner_are_computed_after_longest_wait(
     monkeypatch.setattr(code_files.time, 'monotonic', lambda: now[0])
     assert files.load('key') is None
     assert now == [code_files._LONGEST_WAIT]
+    # It does not wait again for each function.
+    assert files.load('inner') is None
+    assert now == [code_files._LONGEST_WAIT]
 
 
 @pytest.mark.parametrize('ending', ['saved', 'failed', 'outer saved'])
@@ -171,17 +177,18 @@ def test_code_files_are_unlocked(ending: str, tmp_path: Path, files: CodeFiles) 
     assert files.load('outer') is None
     assert files.load('key') is None
     if ending == 'failed':
-        unlock()
+        code_files.LOCKS.release_all()
     else:
-        files.save('key' if ending == 'saved' else 'outer', 'code')
-    command = [sys.executable, '-c', LOCKING.replace('assert ', '').replace('600', '0')]
-    subprocess.run([*command, str(tmp_path)], timeout=60, check=True)
+        files.save('outer' if ending == 'outer saved' else 'key', 'code')
+        files.flush()
+    command = [sys.executable, '-c', LOCKING.replace('600', '0')]
+    subprocess.run([*command, str(tmp_path), 'key'], timeout=60, check=True)
 
 
 def test_kernel_that_cannot_be_compiled_is_unlocked() -> None:
     with pytest.raises(InputError, match='nothing'):
         _failing(1.0)
-    assert not code_files._locked
+    assert not LOCKS._held
 
 
 @kernel
