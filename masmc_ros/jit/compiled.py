@@ -127,7 +127,7 @@ class Formula:
 
     @cached_property
     def _exported(self) -> Any:
-        return njit(**_EXPORTED, forceinline=True)(self.py_func)
+        return njit(**_EXPORTED, forceinline=self._compiler is InlinedCompiler)(self.py_func)
 
     @property
     def _numba_type_(self) -> Any:
@@ -162,7 +162,7 @@ class Kernel(Formula):
 
     def __init__(self, function: Function, compiled: Function) -> None:
         """Initialise the kernel of a function in plain Python."""
-        super().__init__(function)
+        super().__init__(function, CalledCompiler)
         self.__dict__['_compiled'] = compiled
 
     @cached_property

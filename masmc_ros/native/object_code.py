@@ -201,6 +201,11 @@ _FUSED = re.compile(r'fmuladd|@llvm\.fma\.|= f(?:add|sub|mul|div) (?:fast|contra
 _LONG_NAME = re.compile(r'(?<![@"\w.$-])[\w.$-]{900,}')
 """Label of a block that the parser rejects, because it contains the name of a function."""
 
+_METADATA = re.compile(r'(?:, ![\w.]+ !\d+)+$', re.MULTILINE)
+
+_CONSTANT = re.compile(r'^(@[\w.$-]+) = (internal constant .*)\n', re.MULTILINE)
+_NAME = re.compile(r'@[\w.$-]+')
+
 _VARIABLE = re.compile(r'^@\S+ = (?:[a-z_]+ )*global .*', re.MULTILINE)
 _POINTER_IN_STRUCT = re.compile(r'getelementptr[^,\n]*\{[^}\n]*\bptr\b')
 
@@ -223,10 +228,11 @@ def merged(functions: Mapping[str, Entry]) -> str:
         own = _function(name, entry, kernel, kinds)
         whole.link_in(llvm.parse_assembly(_layout_of(whole) + own))
     _keep(whole, functions)
-    passes = llvm.create_new_module_pass_manager()
-    passes.add_global_dead_code_eliminate_pass()
-    passes.run(whole, llvm.create_pass_builder(_host(), llvm.create_pipeline_tuning_options()))
-    text = str(whole)
+    _run(whole, 'add_global_dead_code_eliminate_pass')
+    text = _with_single_constants(str(whole))
+    if _SIZED in text:
+        # It serves optimisations, which are done, and distinguishes copies of a function.
+        text = _METADATA.sub('', text)
     has_arrays = f'@{_ALLOCATION}(' in text
     whole = llvm.parse_assembly(_with_memory(text) if has_arrays else text)
     runtime = llvm.parse_assembly(
@@ -237,7 +243,30 @@ def merged(functions: Mapping[str, Entry]) -> str:
             function.linkage = 'external'  # internal names cannot be linked
     whole.link_in(runtime)
     _keep(whole, functions)
+    # Entries that call the same function have copies of it.
+    _run(whole, 'add_merge_functions_pass')
     return str(whole)
+
+
+def _with_single_constants(text: str) -> str:
+    """Return code in which equal constants are one: functions that use them become equal."""
+    first: dict[str, str] = {}
+    renamed: dict[str, str] = {}
+    for name, value in _CONSTANT.findall(text):
+        if first.setdefault(value, name) != name:
+            renamed[name] = first[value]
+    if not renamed:
+        return text
+    text = _CONSTANT.sub(lambda m: '' if m[1] in renamed else m[0], text)
+    # Constants that point to these may be equal now.
+    return _with_single_constants(_NAME.sub(lambda m: renamed.get(m[0], m[0]), text))
+
+
+def _run(module: Any, addition: str) -> None:
+    """Run a pass on a module; `addition` is the method of llvmlite that adds it."""
+    passes = llvm.create_new_module_pass_manager()
+    getattr(passes, addition)()
+    passes.run(module, llvm.create_pass_builder(_host(), llvm.create_pipeline_tuning_options()))
 
 
 def _module_of(code: ExportedCode, name: str) -> Any:

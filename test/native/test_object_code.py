@@ -12,7 +12,7 @@ from typing import Any
 
 from masmc_ros.jit.compiled import exported_code
 from masmc_ros.native.entries import Entry, FAILED, OTHER_RECORDS
-from masmc_ros.native.object_code import archive, merged, object_of
+from masmc_ros.native.object_code import _with_single_constants, archive, merged, object_of
 from masmc_ros.native.targets import TARGETS
 from numba import carray, types
 import numpy as np
@@ -85,3 +85,22 @@ def test_exceptions_and_full_memory_are_statuses(tmp_path: Path) -> None:
     failed = [FAILED] * 3
     expected = [600, 600, 3000, *failed, 30, 3, 2 | OTHER_RECORDS]
     assert run.stdout.decode().split() == [str(value) for value in expected]
+
+
+def test_equal_constants_are_one_also_those_that_point_to_them() -> None:
+    text = (
+        '@a.1 = internal constant [1 x i8] c"x"\n'
+        '@a = internal constant [1 x i8] c"x"\n'
+        '@b = internal constant [1 x i8] c"y"\n'
+        '@p = internal constant ptr @a\n'
+        '@p.1 = internal constant ptr @a.1\n'
+        'store ptr @p, ptr @p.1\n'
+        'store ptr @b, ptr @outside\n'
+    )
+    assert _with_single_constants(text) == (
+        '@a.1 = internal constant [1 x i8] c"x"\n'
+        '@b = internal constant [1 x i8] c"y"\n'
+        '@p = internal constant ptr @a.1\n'
+        'store ptr @p, ptr @p\n'
+        'store ptr @b, ptr @outside\n'
+    )
