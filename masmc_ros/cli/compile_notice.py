@@ -11,14 +11,18 @@ import sys
 from threading import Event, Thread
 import time
 
+from masmc_ros.jit.code_files import WAITING
 from numba.core import event
 
 _PATIENCE = 2.0
 """Time in s of a compilation before the line appears."""
 
+_KINDS = 'numba:compile', WAITING
+"""Events of Numba's kind that the line shows; nested ones count once."""
+
 
 class _Watch(event.Listener):
-    """Sum of the times during which Numba compiles; nested compilations count once."""
+    """Sum of the times during which Numba compiles, or another process does so for this one."""
 
     def __init__(self) -> None:
         self.seconds, self._depth, self._since = 0.0, 0, 0.0
@@ -51,14 +55,16 @@ def compile_notice(subject: str) -> Iterator[_Watch]:
 
     """
     watch, done = _Watch(), Event()
-    event.register('numba:compile', watch)
+    for kind in _KINDS:
+        event.register(kind, watch)
     thread = Thread(target=_show, args=(watch, done, subject), daemon=True)
     if sys.stderr is not None and sys.stderr.isatty():
         thread.start()
     try:
         yield watch
     finally:
-        event.unregister('numba:compile', watch)
+        for kind in _KINDS:
+            event.unregister(kind, watch)
         done.set()
         if thread.ident is not None:
             thread.join()

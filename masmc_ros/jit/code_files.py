@@ -28,6 +28,7 @@ import tempfile
 import time
 
 from masmc_ros.jit.generated import Types
+from numba.core import event
 from numba.core.serialize import dumps
 
 _DAMAGED = (
@@ -50,6 +51,9 @@ Maximum time in s to wait for another process that compiles the same code.
 
 A process that has been stopped, or a slow one, would otherwise delay the others further.
 """
+
+WAITING = 'masmc_ros:waiting_for_code'
+"""Event of Numba's kind: another process compiles the code that this one needs."""
 
 _POLLING = 0.002
 """Time in s between two attempts to get a lock."""
@@ -163,21 +167,28 @@ class _Locks:
         """
         if path in self._held or _is_idle():
             return False
+        try:
+            return self._lock(path) or self._wait(path)
+        except OSError:
+            return False
+
+    def _lock(self, path: Path) -> bool:
+        try:
+            fcntl.lockf(_lock_file(path.parent), fcntl.LOCK_EX | fcntl.LOCK_NB, 1, _place(path))
+        except (BlockingIOError, PermissionError):
+            return False
+        self._held.append(path)
+        return True
+
+    def _wait(self, path: Path) -> bool:
         end = min(time.monotonic() + _LONGEST_WAIT, self._end_of_patience)
-        at_once = fcntl.LOCK_EX | fcntl.LOCK_NB
-        while True:
-            try:
-                fcntl.lockf(_lock_file(path.parent), at_once, 1, _place(path))
-            except (BlockingIOError, PermissionError):
-                if time.monotonic() >= end:
-                    self._end_of_patience = end
-                    return False
+        with event.trigger_event(WAITING):
+            while time.monotonic() < end:
                 time.sleep(_POLLING)
-            except OSError:
-                return False
-            else:
-                self._held.append(path)
-                return True
+                if self._lock(path):
+                    return True
+        self._end_of_patience = end
+        return False
 
     def release(self, path: Path) -> None:
         """
