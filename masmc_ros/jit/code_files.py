@@ -16,7 +16,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-import fcntl
 from functools import cache
 import hashlib
 import logging
@@ -150,8 +149,8 @@ class _Locks:
     """
     Locks of the code that this process computes: bytes of one file in each folder.
 
-    Without locks, as in some network file systems, every process computes the code itself. So
-    does a process that runs only if no other one has to, because all others would wait for it.
+    Without locks, as on Windows and some network file systems, every process computes the code
+    itself. So does a process that runs only if no other one has to: all others would wait for it.
     """
 
     def __init__(self) -> None:
@@ -169,10 +168,12 @@ class _Locks:
             return False
         try:
             return self._lock(path) or self._wait(path)
-        except OSError:
+        except (ImportError, OSError):
             return False
 
     def _lock(self, path: Path) -> bool:
+        import fcntl  # not on Windows
+
         try:
             fcntl.lockf(_lock_file(path.parent), fcntl.LOCK_EX | fcntl.LOCK_NB, 1, _place(path))
         except (BlockingIOError, PermissionError):
@@ -205,13 +206,19 @@ class _Locks:
 
     def _release_from(self, first: int) -> None:
         for path in self._held[first:]:
-            with suppress(OSError):
-                fcntl.lockf(_lock_file(path.parent), fcntl.LOCK_UN, 1, _place(path))
+            _unlock(path)
         del self._held[first:]
 
 
 LOCKS = _Locks()
 """Locks of this process."""
+
+
+def _unlock(path: Path) -> None:
+    import fcntl
+
+    with suppress(OSError):
+        fcntl.lockf(_lock_file(path.parent), fcntl.LOCK_UN, 1, _place(path))
 
 
 def _is_idle() -> bool:

@@ -193,6 +193,7 @@ def test_kernel_that_cannot_be_compiled_is_unlocked() -> None:
 
 @kernel
 def _failing(value: float) -> float:
+    # The compiler has to reject it, and so would the type check.
     return value.nothing  # type: ignore[attr-defined,no-any-return]
 
 

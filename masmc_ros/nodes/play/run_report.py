@@ -28,7 +28,7 @@ _NICENESS = 10
 Niceness of the process: nodes of the usual priority interrupt it within a fraction of a tick.
 
 At the lowest priority, 19, it would hardly run on a busy machine: 4 s of computing took 130 s
-beside three busy processes on two cores, and more than 15 minutes beside six.
+next to three busy processes on two cores, and more than 15 minutes next to six.
 """
 
 
