@@ -8,10 +8,7 @@ from __future__ import annotations
 import posixpath
 from typing import Any
 
-_WITHOUT = {
-    *('index', 'claims', 'comparison', 'input_output_decoupling'),  # no law, or an alias
-    *('null_space', 'concurrent_learning'),  # on the heap, see docs/guides/page.md
-}
+_WITHOUT = {'index', 'claims', 'comparison', 'input_output_decoupling'}  # no law, or an alias
 """Pages without a link."""
 
 

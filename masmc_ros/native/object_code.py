@@ -206,6 +206,9 @@ _METADATA = re.compile(r'(?:, ![\w.]+ !\d+)+$', re.MULTILINE)
 _CONSTANT = re.compile(r'^(@[\w.$-]+) = (internal constant .*)\n', re.MULTILINE)
 _NAME = re.compile(r'@[\w.$-]+')
 
+_DEFINITION = re.compile(r'^(define .*?@([\w.]+)\(.*) \{$', re.MULTILINE)
+"""First line of a function, whose name contains no quotation marks."""
+
 _VARIABLE = re.compile(r'^@\S+ = (?:[a-z_]+ )*global .*', re.MULTILINE)
 _POINTER_IN_STRUCT = re.compile(r'getelementptr[^,\n]*\{[^}\n]*\bptr\b')
 
@@ -418,6 +421,9 @@ def joined_object(modules: Iterable[Any], target: Target) -> bytes:
     for number, thing in enumerate((*whole.functions, *whole.global_variables)):
         if thing.linkage in (llvm.Linkage.internal, llvm.Linkage.private):
             thing.name = f'part.{number}'
+    if not target.triple.startswith('wasm'):
+        # A linker can omit the functions that a program does not use (--gc-sections).
+        whole = llvm.parse_assembly(_DEFINITION.sub(r'\1 section ".text.\2" {', str(whole)))
     whole.verify()
     return bytes(_machine(target).emit_object(whole))
 

@@ -23,7 +23,9 @@ TARGETS = {
     'x86_64-v3-linux-gnu': Target('x86_64-unknown-linux-gnu', 'x86-64-v3'),
     'aarch64-linux-gnu': Target('aarch64-unknown-linux-gnu', 'generic'),
     'arm-linux-gnueabihf': Target('armv7-unknown-linux-gnueabihf', 'generic', '+neon,+vfp3'),
-    'thumbv7em-none-eabihf': Target('thumbv7em-none-eabihf', 'cortex-m7', relocation='static'),
+    'thumbv7em-none-eabihf': Target(
+        'thumbv7em-unknown-none-eabihf', 'cortex-m7', relocation='static'
+    ),
     'riscv64-linux-gnu': Target('riscv64-unknown-linux-gnu', 'generic-rv64', '+m,+a,+f,+d,+c'),
 }
 """Known targets, named as the GNU tools for them; the first one is the default."""

@@ -44,6 +44,17 @@ EFFECTS = (
     'plant.motor_lag=0.001', 'controller.motor_lag=0.001', 'controller.latency=0.004',
     'controller.torque_limit=40.0', 'controller.leakage=0.1',
 )  # fmt: skip
+MICROCONTROLLER = 'thumbv7em-none-eabihf'
+MICROCONTROLLER_TOOLS = 'arm-none-eabi'
+MICROCONTROLLER_FLAGS = (
+    '-mcpu=cortex-m7', '-mthumb', '-mfpu=fpv5-d16', '-mfloat-abi=hard', '-O2', '-Wall', '-Werror',
+    '--specs=rdimon.specs', '-nostartfiles', '-Wno-unused-const-variable',
+)  # fmt: skip
+EMULATOR = (
+    'qemu-system-arm', '-M', 'mps2-an500', '-nographic', '-icount', 'shift=0',
+    '-semihosting-config', 'enable=on,target=native', '-kernel',
+)  # fmt: skip
+SOURCES = Path(__file__).with_name('cortex_m7')
 needs_compiler = pytest.mark.skipif(shutil.which('cc') is None, reason='needs a C compiler')
 
 
@@ -272,6 +283,26 @@ def test_library_with_all_effects_has_the_bits_of_simulate(tmp_path: Path, targe
     settings = 'duration=2.0', *EFFECTS
     library(tmp_path, *settings, targets=(target,), supervised=True)
     assert bits_in_c(tmp_path, target, compiler, *runner) == bits_here(*settings)
+
+
+@pytest.mark.slow
+def test_library_on_microcontroller_has_the_bits_of_simulate(tmp_path: Path) -> None:
+    for program in (f'{MICROCONTROLLER_TOOLS}-gcc', EMULATOR[0]):
+        if shutil.which(program) is None:
+            pytest.skip(f'needs {program}')
+    settings = 'duration=0.5', 'controller.switching=tanh'
+    library(tmp_path, *settings, targets=(MICROCONTROLLER,))
+    subprocess.run(
+        [f'{MICROCONTROLLER_TOOLS}-gcc', *MICROCONTROLLER_FLAGS, '-Wl,--gc-sections',
+         f'-I{tmp_path}', '-T', SOURCES / 'memory.ld', '-o', 'run.elf', SOURCES / 'run.c',
+         f'{MICROCONTROLLER}/libpaper.a', '-lm'], cwd=tmp_path, check=True,
+    )  # fmt: skip
+    run = subprocess.run(
+        [*EMULATOR, 'run.elf'], cwd=tmp_path, check=True, capture_output=True, timeout=60,
+        text=True,
+    )  # fmt: skip
+    assert (tmp_path / 'signals.bin').read_bytes() == bits_here(*settings)
+    assert 500 < int(run.stdout.split()[0]) < 2000, run.stdout  # as docs/guides/native.md states
 
 
 @needs_compiler

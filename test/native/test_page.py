@@ -18,6 +18,7 @@ from helpers.processes import PAPER
 from helpers.webdriver import browser, needs_webdriver
 from masmc_ros.errors import InputError
 from masmc_ros.jit.compiled import interpreted
+from masmc_ros.law.registry import LAWS
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.native.page import page_of
 from masmc_ros.params.declaration import Values
@@ -99,6 +100,50 @@ def test_moved_slider_in_browser_has_the_bits_of_simulate(page: Path, tmp_path: 
         opened.open(str(link))
         assert opened.until(shown, 'digest') == moved
         assert len(opened.run('return [...document.querySelectorAll("#results thead th")];')) == 3
+
+
+@pytest.fixture(scope='module')
+def all_laws(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, str]]:
+    """Return a page of all laws, and the digests of their runs in plain Python."""
+    path = tmp_path_factory.mktemp('all_laws') / 'page.html'
+    settings = ('duration=0.1',)
+    page = page_of(str(PAPER), settings, 'all', 'paper')
+    path.write_text(page.html, encoding='utf-8')
+    digests = {}
+    for name in page.laws:
+        law, _, switching = name.partition(':')
+        chosen = f'controller.law={law}', f'controller.switching={switching or "tanh"}'
+        digests[name] = digest_in_python(load_scenario(str(PAPER), [*settings, *chosen]))
+    return path, digests
+
+
+@pytest.mark.skipif(shutil.which('node') is None, reason='Node.js is not installed')
+@pytest.mark.slow
+def test_page_of_all_laws_in_node_has_bits_of_python(
+    all_laws: tuple[Path, dict[str, str]],
+) -> None:
+    path, digests = all_laws
+    other_names = {'input_output_decoupling'}
+    assert {name.partition(':')[0] for name in digests} == set(LAWS) - other_names
+    assert path.stat().st_size < 300_000
+    assert digests_in_node(path, *([name, {}] for name in digests)) == list(digests.values())
+
+
+@needs_webdriver
+@pytest.mark.slow
+def test_page_of_all_laws_in_browser_has_bits_of_python(
+    all_laws: tuple[Path, dict[str, str]], tmp_path: Path
+) -> None:
+    path, digests = all_laws
+    with browser(tmp_path) as opened:
+        opened.open(path.as_uri())
+        opened.until('return document.documentElement.dataset.digest;', 'digest')
+        for name, digest in digests.items():
+            computed = opened.run(
+                'engine.run(arguments[0], {});'
+                "return crypto.subtle.digest('SHA-256', engine.history()).then(hex);", name
+            )  # fmt: skip
+            assert computed == digest, name
 
 
 @pytest.mark.parametrize(
