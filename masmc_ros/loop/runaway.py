@@ -22,12 +22,12 @@ states would raise the next alarm.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 import math
 from typing import NamedTuple
 
 from masmc_ros.aliases import Array, Integers
-from masmc_ros.jit.compiled import kernel
+from masmc_ros.jit.compiled import bound, kernel
 from masmc_ros.law.parts.command_limits import TORQUE_LIMIT
 from masmc_ros.loop.controller import Controller
 import numpy as np
@@ -154,11 +154,13 @@ class RunawayWatch:
         self._tick = 0
         self._late_at = self._continues_at = -math.inf
         self._passed: deque[float] = deque(maxlen=_PASSING)
-        self._kernel: Callable[..., int] | None = None
+        self._windows = (
+            self._speed, self._sides, self._flips, self._last_side, self._limited,
+            self._reversals, self._norms, self._short,
+        )  # fmt: skip
         self.restart()
-        # This call compiles or loads the kernel, which would delay the first tick.
-        self.look(np.zeros(joints), 0.0)
-        self.restart()
+        # Compiled or loaded before the first tick, and called without a check of types at each.
+        self._kernel = bound(_look, *self._arguments(np.zeros(joints)))
 
     def restart(self) -> None:
         """Clear the windows: the law, its limits or its activation changed."""
@@ -207,22 +209,7 @@ class RunawayWatch:
             Time in s.
 
         """
-        controller = self._controller
-        alarm = _look(
-            self._tick,
-            controller.torque,
-            self._limit,
-            controller.error,
-            rates,
-            self._speed,
-            self._sides,
-            self._flips,
-            self._last_side,
-            self._limited,
-            self._reversals,
-            self._norms,
-            self._short,
-        )
+        alarm = self._kernel(*self._arguments(rates))
         self._tick += 1
         if not alarm:
             return None
@@ -235,6 +222,12 @@ class RunawayWatch:
         self._passed.append(now)
         self._continues_at = now + _REST
         return Alarm(f'{reason}; states were late', is_passing=True)
+
+    def _arguments(self, rates: Array) -> tuple[object, ...]:
+        controller = self._controller
+        return (
+            self._tick, controller.torque, self._limit, controller.error, rates, *self._windows
+        )  # fmt: skip
 
     def _reason(self, alarm: int, rates: NDArray[np.float64]) -> str:
         joint, rule = divmod(alarm, 100)

@@ -15,8 +15,10 @@ A mechanism whose reach a straight line could leave has separate kernels, `appro
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from masmc_ros.aliases import Array, Records
-from masmc_ros.jit.compiled import formula, kernel
+from masmc_ros.jit.compiled import bound, formula, kernel
 from masmc_ros.jit.dispatch import by_tag, interface
 from masmc_ros.jit.lanes import lane_of
 from masmc_ros.jit.vectors import check_workspace
@@ -129,6 +131,7 @@ class Approach:
         self._motion, self._start = np.zeros((2, axes))
         self._out = np.zeros(3 * axes)
         self._before: Array | None = None
+        self._steps: Callable[..., bool] | None = None
         self._stamp = 0
         self._start_stamp = 0
         self._duration = SHORTEST
@@ -144,8 +147,10 @@ class Approach:
         before, elapsed = self._before, (stamp - self._stamp) * 1e-9
         self._before, self._stamp = reference, stamp
         if before is not None and before is not reference:
-            limit = self._speed * CONTINUOUS
-            if steps(before, reference, elapsed, limit, self._speed):
+            arguments = before, reference, elapsed, self._speed * CONTINUOUS, self._speed
+            # Without a check of types at each tick.
+            self._steps = self._steps or bound(steps, *arguments)
+            if self._steps(*arguments):
                 self.start()
 
     def follow(self, stamp: int, position: Array, rates: Array, reference: Array) -> Array:
