@@ -48,7 +48,7 @@ from masmc_ros.native.entries import (
 from masmc_ros.native.object_code import archive, MEMORY, merged, object_of
 from masmc_ros.native.ros2_control import check_supervised, package_contents, package_name
 from masmc_ros.native.targets import Target
-from masmc_ros.native.template import filled
+from masmc_ros.native.template import filled, INTERMEDIATE_CODE
 from masmc_ros.output_files import check_absent, make_folder, write_file
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot.dead_reckoning import has_odometry
@@ -246,7 +246,7 @@ def _object_of(
     """Return the object code of entries, from the disk if it is there."""
     described = hashlib.sha256(repr(functions).encode()).hexdigest()
     return cast(bytes, stored(
-        'library', [object_code.__file__], (), (described, *target),
+        'library', [object_code.__file__, *INTERMEDIATE_CODE], (), (described, *target),
         lambda: object_of(text(), target),
     ))  # fmt: skip
 

@@ -25,169 +25,14 @@ from masmc_ros.jit.compiled import ExportedCode
 from masmc_ros.loop.closed_loop import NOT_FINITE
 from masmc_ros.native.entries import Entry, OTHER_RECORDS
 from masmc_ros.native.targets import Target
+from masmc_ros.native.template import filled
+import numpy as np
 
 MEMORY = 16384
 """Bytes on the stack for arrays of a call; a formula that needs more ends in a status."""
 
 _MEMORY = '%masmc.memory'
 """Pointer to this memory."""
-
-_ARRAYS = f"""
-; Arrays of a call: 64 bytes with the number of references in byte 0, the array before in byte 8
-; and the address in byte 24, where Numba reads it, then the numbers. The memory starts with the
-; number of its used bytes and the place of the last array.
-define internal ptr @NRT_MemInfo_alloc_aligned(ptr {_MEMORY}, i64 %size, i32 %align) {{
-  %used = load i64, ptr {_MEMORY}
-  %free = sub i64 {MEMORY}, %used
-  %more = add i64 %size, 127
-  %room = and i64 %more, -64
-  %small = icmp ult i64 %size, {MEMORY}
-  %fit = icmp ule i64 %room, %free
-  %fits = and i1 %small, %fit
-  br i1 %fits, label %new, label %full
-new:
-  %after = add i64 %used, %room
-  store i64 %after, ptr {_MEMORY}
-  %last = getelementptr i8, ptr {_MEMORY}, i64 8
-  %before = load i64, ptr %last
-  store i64 %used, ptr %last
-  %array = getelementptr i8, ptr {_MEMORY}, i64 %used
-  store i64 1, ptr %array
-  %link = getelementptr i8, ptr %array, i64 8
-  store i64 %before, ptr %link
-  %data = getelementptr i8, ptr %array, i64 64
-  %place = getelementptr i8, ptr %array, i64 24
-  store ptr %data, ptr %place
-  ret ptr %array
-full:
-  ret ptr null
-}}
-define internal void @NRT_incref(ptr %array) {{
-  %is.view = icmp eq ptr %array, null
-  br i1 %is.view, label %end, label %own
-own:
-  %count = load i64, ptr %array
-  %more = add i64 %count, 1
-  store i64 %more, ptr %array
-  br label %end
-end:
-  ret void
-}}
-define internal void @NRT_decref(ptr {_MEMORY}, ptr %array) {{
-  %is.view = icmp eq ptr %array, null
-  br i1 %is.view, label %end, label %own
-own:
-  %count = load i64, ptr %array
-  %less = sub i64 %count, 1
-  store i64 %less, ptr %array
-  %last = getelementptr i8, ptr {_MEMORY}, i64 8
-  br label %test
-test:
-  %place = load i64, ptr %last
-  %is.empty = icmp eq i64 %place, 0
-  br i1 %is.empty, label %end, label %look
-look:
-  %top = getelementptr i8, ptr {_MEMORY}, i64 %place
-  %users = load i64, ptr %top
-  %is.used = icmp ne i64 %users, 0
-  br i1 %is.used, label %end, label %release
-release:
-  store i64 %place, ptr {_MEMORY}
-  %link = getelementptr i8, ptr %top, i64 8
-  %before = load i64, ptr %link
-  store i64 %before, ptr %last
-  br label %test
-end:
-  ret void
-}}
-"""
-
-_WITHOUT_ARRAYS = """
-define internal void @NRT_incref(ptr %array) { ret void }
-define internal void @NRT_decref(ptr %array) { ret void }
-"""
-
-RUNTIME = """
-; Places of an array of another shape; all arrays are contiguous, with the last index first.
-define internal i32 @numba_attempt_nocopy_reshape(i64 %nd, ptr %dims, ptr %strides, i64 %newnd,
-    ptr %newdims, ptr %newstrides, i64 %itemsize, i32 %order) {
-  br label %test
-test:
-  %i = phi i64 [ %newnd, %0 ], [ %j, %body ]
-  %step = phi i64 [ %itemsize, %0 ], [ %wider, %body ]
-  %more = icmp sgt i64 %i, 0
-  br i1 %more, label %body, label %end
-body:
-  %j = sub i64 %i, 1
-  %out = getelementptr i64, ptr %newstrides, i64 %j
-  store i64 %step, ptr %out
-  %in = getelementptr i64, ptr %newdims, i64 %j
-  %length = load i64, ptr %in
-  %wider = mul i64 %step, %length
-  br label %test
-end:
-  ret i32 1
-}
-; Differing bits of words at two addresses.
-define internal i64 @masmc.difference(ptr %a, ptr %b, i64 %count) {
-  br label %body
-body:
-  %i = phi i64 [ 0, %0 ], [ %next, %body ]
-  %before = phi i64 [ 0, %0 ], [ %after, %body ]
-  %ap = getelementptr i64, ptr %a, i64 %i
-  %bp = getelementptr i64, ptr %b, i64 %i
-  %av = load i64, ptr %ap
-  %bv = load i64, ptr %bp
-  %bits = xor i64 %av, %bv
-  %after = or i64 %before, %bits
-  %next = add i64 %i, 1
-  %more = icmp ult i64 %next, %count
-  br i1 %more, label %body, label %end
-end:
-  ret i64 %after
-}
-; A square root, which every target has as an instruction.
-define internal double @sqrt(double %x) alwaysinline {
-  %y = call double @llvm.sqrt.f64(double %x)
-  ret double %y
-}
-declare double @llvm.sqrt.f64(double)
-"""
-
-_WIDE_PRODUCT = """
-; Product of two numbers of 128 bits, low words first: a function of compilers, here for sizes of
-; arrays, whose product may overflow.
-define void @__multi3(ptr %out, i64 %a, i64 %a.high, i64 %b, i64 %b.high) {
-  %a0 = and i64 %a, 4294967295
-  %a1 = lshr i64 %a, 32
-  %b0 = and i64 %b, 4294967295
-  %b1 = lshr i64 %b, 32
-  %p00 = mul i64 %a0, %b0
-  %p01 = mul i64 %a0, %b1
-  %p10 = mul i64 %a1, %b0
-  %p11 = mul i64 %a1, %b1
-  %c00 = lshr i64 %p00, 32
-  %l01 = and i64 %p01, 4294967295
-  %l10 = and i64 %p10, 4294967295
-  %m0 = add i64 %c00, %l01
-  %middle = add i64 %m0, %l10
-  %low = mul i64 %a, %b
-  %c01 = lshr i64 %p01, 32
-  %c10 = lshr i64 %p10, 32
-  %carry = lshr i64 %middle, 32
-  %h0 = add i64 %p11, %c01
-  %h1 = add i64 %h0, %c10
-  %h2 = add i64 %h1, %carry
-  %x = mul i64 %a, %b.high
-  %y = mul i64 %a.high, %b
-  %h3 = add i64 %h2, %x
-  %high = add i64 %h3, %y
-  store i64 %low, ptr %out
-  %second = getelementptr i64, ptr %out, i64 1
-  store i64 %high, ptr %second
-  ret void
-}
-"""
 
 _ALLOCATION, _RELEASE = 'NRT_MemInfo_alloc_aligned', 'NRT_decref'
 
@@ -231,23 +76,23 @@ def merged(functions: Mapping[str, Entry]) -> str:
         own = _function(name, entry, kernel, kinds)
         whole.link_in(llvm.parse_assembly(_layout_of(whole) + own))
     _keep(whole, functions)
-    _run(whole, 'add_global_dead_code_eliminate_pass')
+    _run(whole, lambda passes: passes.add_global_dead_code_eliminate_pass())
     text = _with_single_constants(str(whole))
     if _SIZED in text:
         # It serves optimisations, which are done, and distinguishes copies of a function.
         text = _METADATA.sub('', text)
     has_arrays = f'@{_ALLOCATION}(' in text
     whole = llvm.parse_assembly(_with_memory(text) if has_arrays else text)
-    runtime = llvm.parse_assembly(
-        _layout_of(whole) + RUNTIME + (_ARRAYS if has_arrays else _WITHOUT_ARRAYS)
-    )
+    runtime = llvm.parse_assembly(filled('runtime.ll.jinja', {
+        'layout': _layout_of(whole), 'has_arrays': has_arrays, 'memory': MEMORY,
+    }))  # fmt: skip
     for function in runtime.functions:
         if not function.is_declaration:
             function.linkage = 'external'  # internal names cannot be linked
     whole.link_in(runtime)
     _keep(whole, functions)
     # Entries that call the same function have copies of it.
-    _run(whole, 'add_merge_functions_pass')
+    _run(whole, lambda passes: passes.add_merge_functions_pass())
     return str(whole)
 
 
@@ -265,10 +110,10 @@ def _with_single_constants(text: str) -> str:
     return _with_single_constants(_NAME.sub(lambda m: renamed.get(m[0], m[0]), text))
 
 
-def _run(module: Any, addition: str) -> None:
-    """Run a pass on a module; `addition` is the method of llvmlite that adds it."""
+def _run(module: Any, add: Callable[[Any], None]) -> None:
+    """Run a pass on a module; `add` adds it to a pass manager of llvmlite."""
     passes = llvm.create_new_module_pass_manager()
-    getattr(passes, addition)()
+    add(passes)
     passes.run(module, llvm.create_pass_builder(_host(), llvm.create_pipeline_tuning_options()))
 
 
@@ -297,55 +142,19 @@ def _short_name(match: re.Match[str]) -> str:
 
 def _function(name: str, entry: Entry, kernel: str, kinds: Sequence[str]) -> str:
     """Return a function of a library, which calls a kernel with arguments of these types."""
+    first = 2  # the places of the result and of the exception
     count = len(kinds) - len(entry.further)
-    arguments = [f'{kind} %a{i}' for i, kind in enumerate(kinds[2:count])]
-    further = map('i64 {}'.format, entry.further)
-    constants, checks, differences = [], [], []
-    for i, layout in enumerate(entry.layouts):
-        if not layout:
-            continue
-        words = [
-            f'i64 {int.from_bytes(layout[k:k + 8], "little")}' for k in range(0, len(layout), 8)
-        ]
-        constant, size = f'@masmc.layout.{name}.{i}', f'[{len(words)} x i64]'
-        constants.append(f'{constant} = internal constant {size} [{", ".join(words)}]')
-        checks.append(
-            f'%d{i} = call i64 @masmc.difference(ptr %a{i}, ptr {constant}, i64 {len(words)})'
-        )
-        differences.append(f'%d{i}')
-    total = '0'
-    for i, difference in enumerate(differences):
-        checks.append(f'%t{i} = or i64 {total}, {difference}')
-        total = f'%t{i}'
-    rejected = 0 if entry.failure == 0 else NOT_FINITE | OTHER_RECORDS
-    lines = '\n  '.join([
-        *checks,
-        f'%is_other = icmp ne i64 {total}, 0',
-        'br i1 %is_other, label %other, label %own',
-    ])
-    return f"""
-{chr(10).join(constants)}
-{'declare i64 @masmc.difference(ptr, ptr, i64)' if constants else ''}
-declare i32 @{kernel}({', '.join(kinds)})
-define i64 @{name}({', '.join(arguments)}) {{
-  {_MEMORY} = alloca [{MEMORY} x i8], align 64
-  store i64 64, ptr {_MEMORY}
-  %last = getelementptr i8, ptr {_MEMORY}, i64 8
-  store i64 0, ptr %last
-  %result = alloca i64
-  %exception = alloca ptr
-  store i64 0, ptr %result
-  {lines}
-own:
-  %code = call i32 @{kernel}({', '.join(['ptr %result', 'ptr %exception', *arguments, *further])})
-  %value = load i64, ptr %result
-  %is_raised = icmp ne i32 %code, 0
-  %status = select i1 %is_raised, i64 {entry.failure}, i64 %value
-  ret i64 %status
-other:
-  ret i64 {rejected}
-}}
-"""
+    return filled('entry.ll.jinja', {
+        'name': name, 'kernel': kernel, 'kinds': kinds, 'memory': MEMORY,
+        'arguments': [f'{kind} %a{i}' for i, kind in enumerate(kinds[first:count])],
+        'further': [f'i64 {number}' for number in entry.further],
+        'layouts': {
+            i: np.frombuffer(layout, '<i8').tolist()
+            for i, layout in enumerate(entry.layouts) if layout
+        },
+        'failure': entry.failure,
+        'rejected': 0 if entry.failure == 0 else NOT_FINITE | OTHER_RECORDS,
+    })  # fmt: skip
 
 
 def _with_memory(text: str) -> str:
@@ -416,7 +225,8 @@ def joined_object(modules: Iterable[Any], target: Target) -> bytes:
         whole.link_in(other)
     # A page has no library of a compiler; other 32-bit processors do not need one for this.
     if target.triple.startswith('wasm') and 'mul.with.overflow' in str(whole):
-        whole.link_in(llvm.parse_assembly(_layout_of(whole) + _WIDE_PRODUCT))
+        layout = {'layout': _layout_of(whole)}
+        whole.link_in(llvm.parse_assembly(filled('wide_product.ll.jinja', layout)))
     # Numba numbers its functions, so their names differ between two compilations.
     for number, thing in enumerate((*whole.functions, *whole.global_variables)):
         if thing.linkage in (llvm.Linkage.internal, llvm.Linkage.private):

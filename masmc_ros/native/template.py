@@ -7,9 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
+
+INTERMEDIATE_CODE = [
+    str(path) for path in sorted(Path(__file__).with_name('templates').glob('*.ll.jinja'))
+]
+"""Templates of LLVM, whose changes make stored object code outdated."""
 
 
 def filled(template: str, content: Mapping[str, Any]) -> str:
