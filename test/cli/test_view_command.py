@@ -67,8 +67,9 @@ def viewing(log: Path, *arguments: str, path: str = '/usr/bin:/bin') -> Iterator
             urls = re.findall(r'http://\S+', '\n'.join(lines))
             yield Served(process, lines, urls[0] if urls else '')
         finally:
+            process.terminate()  # it removes its folder; the timer kills it otherwise
+            process.wait()
             guard.cancel()
-            process.kill()
 
 
 def ask(url: str, method: str = 'GET', **headers: str) -> tuple[HTTPResponse, bytes]:
