@@ -10,8 +10,8 @@ from functools import partial
 import sys
 
 from masmc_ros.cli.commands.run import NODES
-from masmc_ros.cli.endings import final
 from masmc_ros.cli.main import main, prepare_streams
+from masmc_ros.nodes.process.ending import final
 
 
 def _run(name: str) -> int:

@@ -17,8 +17,8 @@ import sys
 
 from masmc_ros import __version__
 from masmc_ros.cli.arguments import Parser
-from masmc_ros.cli.endings import Ended, ended_by_signals, final
 from masmc_ros.errors import UserError
+from masmc_ros.nodes.process.ending import Ended, ended_by_signals, final
 from masmc_ros.optional import remedy
 
 COMMANDS = {

@@ -12,8 +12,8 @@ from pathlib import Path
 import subprocess
 
 from masmc_ros.child_process import module_command
-from masmc_ros.cli.endings import child_environment
 from masmc_ros.errors import UserError
+from masmc_ros.nodes.process.ending import child_environment
 
 _END = 15.0
 """Longest time in s until a node has ended."""

@@ -15,7 +15,7 @@ import time
 from helpers.child_environment import child_environment, domain, domain_variables
 from masmc_ros.cli import executables
 from masmc_ros.cli.commands.run import NODES
-from masmc_ros.cli.endings import Ended, ended_by_signals
+from masmc_ros.nodes.process.ending import Ended, ended_by_signals
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -25,7 +25,7 @@ from masmc_ros.messages.std_msgs import string_message
 from masmc_ros.messages.telemetry import TelemetryCdr
 from masmc_ros.messages.topics import SYSTEM_TOPICS, TOPICS
 from masmc_ros.messages.transforms import TransformsCdr
-from masmc_ros.nodes.middleware.messages import message_class
+from masmc_ros.nodes.middleware.message_types import message_class
 import numpy as np
 from rclpy.serialization import serialize_message
 

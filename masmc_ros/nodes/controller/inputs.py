@@ -21,10 +21,8 @@ from masmc_ros.messages.platform_messages import odometry_numbers
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.messages.topics import TRANSFORMS
 from masmc_ros.messages.transforms import transforms_of
-from masmc_ros.nodes.middleware.messages import deserialized
-from masmc_ros.nodes.middleware.past import subscribe_with_past
-from masmc_ros.nodes.middleware.qos import subscription_qos
-from masmc_ros.nodes.middleware.raw_types import raw_class
+from masmc_ros.nodes.middleware.message_types import deserialized, raw_class
+from masmc_ros.nodes.middleware.topics import subscribe_with_past, subscription_qos
 from masmc_ros.nodes.process.diagnostics import RejectedMessages, senders_text, several_senders
 from masmc_ros.params.declaration import Values
 from masmc_ros.robot.base_pose import BasePose, OLDEST_POSE_NS

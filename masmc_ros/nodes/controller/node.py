@@ -64,7 +64,7 @@ from masmc_ros.nodes.controller.output import (
     ControllerTelemetry,
     TorqueOutput,
 )
-from masmc_ros.nodes.middleware.past import subscribe_with_past
+from masmc_ros.nodes.middleware.topics import subscribe_with_past
 from masmc_ros.nodes.parameters.ros_parameters import Pending
 from masmc_ros.nodes.process.base import SuiteNode
 from masmc_ros.nodes.process.command_line import CommandLine

@@ -26,8 +26,8 @@ from masmc_ros.messages.std_msgs import string_message
 from masmc_ros.messages.telemetry import TelemetryCdr
 from masmc_ros.messages.topics import TRANSFORMS, transforms_topic
 from masmc_ros.messages.transforms import TransformsCdr
-from masmc_ros.nodes.middleware.qos import DEEP
-from masmc_ros.nodes.middleware.raw_types import raw_class
+from masmc_ros.nodes.middleware.message_types import raw_class
+from masmc_ros.nodes.middleware.topics import DEEP
 from masmc_ros.nodes.process.base import SuiteNode
 from masmc_ros.params.declaration import MutableValues
 from masmc_ros.robot.joint_names import check_frame_prefix, FRAME_PREFIX, joint_names

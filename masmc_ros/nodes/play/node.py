@@ -32,13 +32,11 @@ from masmc_ros.messages.path import path_points
 from masmc_ros.messages.std_msgs import text_of
 from masmc_ros.messages.telemetry import TelemetryCdr
 from masmc_ros.messages.topics import PARAMETER_NODES, parameters_topic
-from masmc_ros.nodes.middleware.messages import deserialized
-from masmc_ros.nodes.middleware.past import subscribe, subscribe_with_past
-from masmc_ros.nodes.middleware.qos import DEEP
-from masmc_ros.nodes.middleware.sampling import Sampler
-from masmc_ros.nodes.parameters.service_call import ServiceCall
+from masmc_ros.nodes.middleware.message_types import deserialized
+from masmc_ros.nodes.middleware.topics import DEEP, subscribe, subscribe_with_past
+from masmc_ros.nodes.parameters.services import ServiceCall
 from masmc_ros.nodes.parameters.viewer_parameters import ParameterRequest, ViewerParameters
-from masmc_ros.nodes.play.controls import Controls
+from masmc_ros.nodes.play.controls import Controls, PlantControls
 from masmc_ros.nodes.play.described import (
     checked_values,
     DESCRIBING,
@@ -55,10 +53,9 @@ from masmc_ros.nodes.play.page import (
     RATE,
     SLOW,
 )
-from masmc_ros.nodes.play.plant_controls import PlantControls
 from masmc_ros.nodes.play.plots import Plots
 from masmc_ros.nodes.play.report_button import ReportButton
-from masmc_ros.nodes.play.samples import SampleWindow, TimeSpeed
+from masmc_ros.nodes.play.samples import Sampler, SampleWindow, TimeSpeed
 from masmc_ros.nodes.play.scene import path_of, RobotScene
 from masmc_ros.nodes.play.server import is_local, PlayServer
 from masmc_ros.nodes.process.base import SuiteNode

@@ -13,8 +13,7 @@ import time
 from masmc_ros.control.actions import Record
 from masmc_ros.errors import InputError, UserError
 from masmc_ros.messages.parameter_record import ParameterRecord
-from masmc_ros.nodes.middleware.latched import Latched
-from masmc_ros.nodes.middleware.qos import DEEP, publisher_qos
+from masmc_ros.nodes.middleware.topics import DEEP, Latched, publisher_qos
 from masmc_ros.nodes.parameters.ros_parameters import ParameterNode, RosParameters
 from masmc_ros.nodes.process.command_line import CommandLine
 from masmc_ros.params.declaration import Values

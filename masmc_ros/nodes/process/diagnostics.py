@@ -11,7 +11,7 @@ import time
 from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from masmc_ros.nodes.middleware.latched import Latched
+from masmc_ros.nodes.middleware.topics import Latched
 from masmc_ros.throttle import Throttle
 from rclpy.clock import Clock
 from rclpy.impl.rcutils_logger import RcutilsLogger

@@ -44,9 +44,13 @@ from masmc_ros.messages.topics import (
     TOPICS,
     TRANSFORMS,
 )
-from masmc_ros.nodes.middleware.past import subscribe, subscribe_with_past
-from masmc_ros.nodes.middleware.qos import DEEP, subscription_qos
-from masmc_ros.nodes.middleware.raw_types import raw_class
+from masmc_ros.nodes.middleware.message_types import raw_class
+from masmc_ros.nodes.middleware.topics import (
+    DEEP,
+    subscribe,
+    subscribe_with_past,
+    subscription_qos,
+)
 from masmc_ros.nodes.process.base import SuiteNode
 from masmc_ros.nodes.process.command_line import CommandLine
 from masmc_ros.nodes.process.diagnostics import publish_health, RejectedMessages

@@ -21,8 +21,8 @@ from masmc_ros.messages.cdr_layout import checked_stamp
 from masmc_ros.messages.names import CONTROLLER_STATE_TOPIC, DESIRED_PATH_TOPIC
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.messages.stamps import header_stamp
-from masmc_ros.nodes.middleware.messages import deserialized
-from masmc_ros.nodes.middleware.past import subscribe_with_past
+from masmc_ros.nodes.middleware.message_types import deserialized
+from masmc_ros.nodes.middleware.topics import subscribe_with_past
 from masmc_ros.nodes.parameters.ros_parameters import Pending
 from masmc_ros.nodes.process.base import SuiteNode
 from masmc_ros.nodes.process.command_line import CommandLine

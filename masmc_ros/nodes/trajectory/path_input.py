@@ -17,9 +17,8 @@ from masmc_ros.messages.frame_tree import FrameTree
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.platform_messages import odometry_numbers
 from masmc_ros.messages.topics import TRANSFORMS
-from masmc_ros.nodes.middleware.messages import deserialized
-from masmc_ros.nodes.middleware.past import subscribe, subscribe_with_past
-from masmc_ros.nodes.middleware.raw_types import raw_class
+from masmc_ros.nodes.middleware.message_types import deserialized, raw_class
+from masmc_ros.nodes.middleware.topics import subscribe, subscribe_with_past
 from masmc_ros.nodes.process.base import SuiteNode
 from masmc_ros.nodes.process.diagnostics import Health, OK, WARN
 from masmc_ros.nodes.trajectory.path_messages import (

@@ -27,8 +27,8 @@ from masmc_ros.messages.stamps import stamp_reader
 from masmc_ros.messages.std_msgs import string_message
 from masmc_ros.messages.telemetry import TelemetryCdr
 from masmc_ros.messages.transforms import TransformsCdr
-from masmc_ros.nodes.middleware.raw_types import raw_class
-from masmc_ros.nodes.plant.command_sources import base_sources, torque_sources
+from masmc_ros.nodes.middleware.message_types import raw_class
+from masmc_ros.nodes.plant.command_input import base_sources, torque_sources
 from masmc_ros.robot.mechanisms import DEFAULT
 from mcap.reader import make_reader
 import numpy as np

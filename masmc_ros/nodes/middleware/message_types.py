@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Message classes for raw bytes of types that are not installed.
+Message classes by type name, also for types that are not installed, and deserialisation.
 
 ROS 2 needs the type support of a message package to create a publisher or a subscription, even
 for raw bytes (ros2/rosidl_typesupport issue 18). Raw bytes need only the name and the hash of
-the type. The classes of this module have a type support of these two, without code. This file
-can be removed when rclpy creates raw publishers and subscriptions from the name of a type.
+the type. The classes of `raw_class` have a type support of these two, without code. They can be
+removed when rclpy creates raw publishers and subscriptions from the name of a type.
 """
 
 from __future__ import annotations
@@ -15,13 +15,45 @@ from __future__ import annotations
 from collections.abc import Callable
 import ctypes
 from functools import cache
+import importlib
+import re
 from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.messages.definitions import definition
-from masmc_ros.nodes.middleware.messages import message_class
+from rclpy.serialization import deserialize_message
 from rclpy.type_support import check_for_type_support
 from std_msgs.msg import Empty
+
+_TYPE_NAME = re.compile(r'[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*', re.ASCII)
+
+
+def message_class(type_name: str) -> type:
+    """
+    Return the class of a message type such as `std_msgs/msg/String`.
+
+    Raises InputError if the type is not installed.
+    """
+    if _TYPE_NAME.fullmatch(type_name) is None:
+        raise InputError(f"'{type_name}' is not a message type; expected PACKAGE/msg/NAME")
+    package, _, name = type_name.split('/')
+    try:
+        return getattr(importlib.import_module(f'{package}.msg'), name)
+    except (ImportError, AttributeError):
+        raise InputError(f'message type {type_name} is not installed') from None
+
+
+def deserialized(raw: bytes, message_type: type) -> Any:
+    """
+    Return the message of received bytes.
+
+    Raises InputError if they are not a message of this type.
+    """
+    try:
+        return deserialize_message(raw, message_type)
+    except Exception as error:
+        raise InputError(f'{len(raw)} bytes that are no {message_type.__name__}') from error
+
 
 _HASH_SIZE = 32
 _HASH_PREFIX = 'RIHS01_'
