@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from masmc_ros.errors import InputError
-from masmc_ros.params.scalar import Scalar, typed
+from masmc_ros.params.text import Scalar, typed
 
 FORM = 'NAME=LOW:HIGH:COUNT, NAME=LOW:HIGH:COUNT:log, or NAME=VALUE,VALUE,...'
 

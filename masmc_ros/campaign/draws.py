@@ -22,7 +22,7 @@ import warnings
 from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.params.declaration import Parameter
-from masmc_ros.params.scalar import typed
+from masmc_ros.params.text import typed
 import numpy as np
 
 FORM = 'NAME=DISTRIBUTION:NUMBER:NUMBER, such as robot.link_2_mass=uniform:0.6:1.4'

@@ -25,7 +25,7 @@ from masmc_ros.campaign.part import Device, evaluated
 from masmc_ros.campaign.runs import LANES, Run
 from masmc_ros.campaign.variable import check_distinct, Variable, with_variables
 from masmc_ros.errors import InputError
-from masmc_ros.params.scalar import typed
+from masmc_ros.params.text import typed
 from masmc_ros.report.measure.metrics import Metrics
 from masmc_ros.report.measure.table import Column
 import numpy as np

@@ -33,12 +33,11 @@ from masmc_ros.cli.arguments import (
     add_workers,
 )
 from masmc_ros.cli.urdf_choices import print_choices
-from masmc_ros.json_text import json_text
 from masmc_ros.native.device import device_option
 from masmc_ros.output_files import write_file
-from masmc_ros.report.aligned import WIDTH
 from masmc_ros.report.draw.campaign_figures import draws_figure, map_figure, MapAxis
 from masmc_ros.report.draw.style import figure_file, paper_style
+from masmc_ros.result_text import json_text, WIDTH
 from masmc_ros.scenario.scenario import source_of
 from masmc_ros.share import scenario_file
 from tqdm import tqdm

@@ -17,9 +17,8 @@ import sys
 
 from masmc_ros import __version__
 from masmc_ros.cli.arguments import Parser
-from masmc_ros.errors import UserError
+from masmc_ros.errors import remedy, UserError
 from masmc_ros.nodes.process.ending import Ended, ended_by_signals, final
-from masmc_ros.optional import remedy
 
 COMMANDS = {
     'demo': "run the paper's experiment on real nodes and report it",

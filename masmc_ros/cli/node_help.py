@@ -8,7 +8,7 @@ from __future__ import annotations
 import shutil
 import textwrap
 
-from masmc_ros.params.documentation import plain_list
+from masmc_ros.params.presentation import plain_list
 from masmc_ros.scenario.node_parameters import declared, shared
 
 _COMPOSED = ('plant', 'trajectory', 'controller', 'recorder')

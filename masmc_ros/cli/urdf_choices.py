@@ -11,7 +11,7 @@ from textwrap import fill
 from typing import Any, TYPE_CHECKING
 
 from masmc_ros.params.text import yaml_text
-from masmc_ros.report.aligned import WIDTH
+from masmc_ros.result_text import WIDTH
 from masmc_ros.scenario.scenario import Source
 
 if TYPE_CHECKING:

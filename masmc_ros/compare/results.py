@@ -24,7 +24,7 @@ from masmc_ros.compare.contenders import Contender
 from masmc_ros.compare.law_comparison import Comparison
 from masmc_ros.compare.ranking import COMPARED, Ranked, Row
 from masmc_ros.errors import InputError
-from masmc_ros.json_text import json_text
+from masmc_ros.result_text import json_text
 from masmc_ros.robot.declaration import units_of, URDF
 
 OPTION = '--add'

@@ -23,13 +23,16 @@ from masmc_ros.control.actions import (
     NOTHING,
     Repeat,
 )
+from masmc_ros.control.gates import Pacing, PACINGS, ReferenceGate, StateGate
 from masmc_ros.control.layer_watch import LayerWatch
-from masmc_ros.control.lifecycle import find_transition, LifecycleState, state_of
 from masmc_ros.control.outbox import Outbox
-from masmc_ros.control.pacing import Pacing, PACINGS
-from masmc_ros.control.reference_gate import ReferenceGate
-from masmc_ros.control.state_gate import StateGate
-from masmc_ros.control.supervisor import Cause, Supervisor
+from masmc_ros.control.supervisor import (
+    Cause,
+    find_transition,
+    LifecycleState,
+    state_of,
+    Supervisor,
+)
 from masmc_ros.errors import UserError
 from masmc_ros.loop.closed_loop import NOT_FINITE, SINGULAR
 from masmc_ros.loop.controller import Controller
@@ -47,7 +50,7 @@ from masmc_ros.loop.safe_stop import BALANCE_TIME
 from masmc_ros.loop.simulated_robot import diverged
 from masmc_ros.loop.timing import PACING, Timing
 from masmc_ros.messages.reference_window import ReferenceWindow
-from masmc_ros.messages.stamp_order import Order
+from masmc_ros.messages.stamps import Order
 from masmc_ros.params.declaration import Values
 from masmc_ros.reference.approach import Approach
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.offered_qos import Qos
-from masmc_ros.messages.definitions import Definition, definition
+from masmc_ros.messages.cdr_layout import Definition, definition
 from masmc_ros.output_files import write_file
 import yaml
 

@@ -27,8 +27,8 @@ from masmc_ros.messages.cdr_layout import (
     NANOSECONDS,
     UNREAD,
 )
-from masmc_ros.messages.names import DRIVEN_JOINTS, RATED_JOINTS
-from masmc_ros.messages.std_msgs import multi_array_layout
+from masmc_ros.messages.message import multi_array_layout
+from masmc_ros.messages.topics import DRIVEN_JOINTS, RATED_JOINTS
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

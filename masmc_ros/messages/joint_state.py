@@ -12,7 +12,7 @@ from masmc_ros.errors import InputError
 from masmc_ros.messages import deserialised
 from masmc_ros.messages.cdr_layout import checked_stamp, Layout, NANOSECONDS
 from masmc_ros.messages.message import StampedMessage
-from masmc_ros.messages.names import JOINTS
+from masmc_ros.messages.topics import JOINTS
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

@@ -11,8 +11,8 @@ from functools import lru_cache
 from masmc_ros.errors import InputError
 from masmc_ros.messages import deserialised
 from masmc_ros.messages.cdr_layout import Layout, NANOSECONDS
-from masmc_ros.messages.names import DERIVATIVES, TASK_AXES
-from masmc_ros.messages.std_msgs import multi_array_layout
+from masmc_ros.messages.message import multi_array_layout
+from masmc_ros.messages.topics import DERIVATIVES, TASK_AXES
 import numpy as np
 from numpy.typing import NDArray
 

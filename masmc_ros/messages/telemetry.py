@@ -12,8 +12,7 @@ import struct
 from masmc_ros.errors import InputError
 from masmc_ros.messages import deserialised
 from masmc_ros.messages.cdr_layout import END_OF_TIME, Layout, Messages, NANOSECONDS
-from masmc_ros.messages.message import Message
-from masmc_ros.messages.std_msgs import multi_array_layout
+from masmc_ros.messages.message import Message, multi_array_layout
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

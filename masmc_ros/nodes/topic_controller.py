@@ -23,8 +23,8 @@ from masmc_ros.errors import InputError
 from masmc_ros.law.plug_in import TickInput
 from masmc_ros.messages.cdr_layout import NANOSECONDS
 from masmc_ros.messages.joint_state import JointStateCdr
-from masmc_ros.messages.names import COMMAND_TOPIC, REFERENCE_TOPIC, STATE_TOPIC
 from masmc_ros.messages.reference_window import ReferenceWindow
+from masmc_ros.messages.topics import COMMAND_TOPIC, REFERENCE_TOPIC, STATE_TOPIC
 from masmc_ros.nodes.middleware.rcl_setup import client_node
 from masmc_ros.nodes.middleware.topics import publisher_qos, subscribe
 from masmc_ros.nodes.plant.command_input import torque_sources

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection
 
 from masmc_ros.aliases import Array
-from masmc_ros.control.actions import Line
+from masmc_ros.control.actions import Line, Throttle
 from masmc_ros.errors import InputError
 from masmc_ros.loop.plant_parameters import COMMAND_TIMEOUT, REAL_TIME_FACTOR
 from masmc_ros.loop.simulated_robot import SimulatedRobot
@@ -16,7 +16,6 @@ from masmc_ros.loop.timing import LATE_TICKS, Timing
 from masmc_ros.params.declaration import Values
 from masmc_ros.plant.latest_command import CommandPart, Commands
 from masmc_ros.plant.plant_core import Action, Actions, NOTHING, PlantCore, PublishAgain
-from masmc_ros.throttle import Throttle
 
 _REPEATED = 0.02
 """Time in s between two publications of the same state while the robot's time stands still."""

@@ -16,9 +16,9 @@ from typing import Any
 
 from helpers.small_tree import hand_at_start, write_scenario
 from masmc_ros.cli.main import COMMANDS, main
-from masmc_ros.json_text import json_text
 from masmc_ros.law import registry
 from masmc_ros.report.measure.metrics import declared, Metrics, Reached
+from masmc_ros.result_text import json_text
 import numpy as np
 import pytest
 from test_bad_input import PAPER

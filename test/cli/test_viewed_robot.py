@@ -17,10 +17,10 @@ from masmc_ros.cli.main import main
 from masmc_ros.cli.show.file_server import FileServer
 from masmc_ros.errors import InputError
 from masmc_ros.log.write.writer import LogWriter
-from masmc_ros.messages.definitions import definition
+from masmc_ros.messages.cdr_layout import definition
 from masmc_ros.messages.joint_state import JointStateCdr
+from masmc_ros.messages.message import string_message, text_of
 from masmc_ros.messages.parameter_record import ParameterRecord
-from masmc_ros.messages.std_msgs import string_message, text_of
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.joint_names import joint_names_of
 from masmc_ros.robot.mechanisms import DEFAULT, mechanism_from

@@ -12,7 +12,7 @@ from helpers.core_loop import node_values
 from helpers.robots import PROPERTY
 from hypothesis import given
 from hypothesis import strategies as st
-from masmc_ros.control.state_gate import outdated_latency, StateLateness
+from masmc_ros.control.gates import outdated_latency, StateLateness
 from masmc_ros.jit.compiled import kernel
 from masmc_ros.jit.lanes import lane_of
 from masmc_ros.law.parts.delay_compensation import horizon

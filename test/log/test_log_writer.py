@@ -22,8 +22,8 @@ from masmc_ros.log.mcap.record_stream import RecordStream
 from masmc_ros.log.offered_qos import Qos
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.log.write.writer import CHUNK_SIZE, LogWriter
-from masmc_ros.messages.definitions import definition
-from masmc_ros.messages.names import JOINTS
+from masmc_ros.messages.cdr_layout import definition
+from masmc_ros.messages.topics import JOINTS
 from mcap.exceptions import EndOfFile
 from mcap.reader import make_reader
 from mcap.records import Chunk, ChunkIndex, MessageIndex

@@ -22,8 +22,8 @@ from masmc_ros.log.recover.recover import recover
 from masmc_ros.log.write.recording import LOST, Options, Recording
 from masmc_ros.log.write.writer import LogWriter
 from masmc_ros.messages.joint_state import JointStateCdr
+from masmc_ros.messages.message import string_message
 from masmc_ros.messages.parameter_record import ParameterRecord
-from masmc_ros.messages.std_msgs import string_message
 from mcap.reader import make_reader
 import pytest
 from rosbags.highlevel import AnyReader

@@ -25,10 +25,9 @@ from masmc_ros.compare import foreign, results
 from masmc_ros.compare.law_comparison import comparison_of
 from masmc_ros.compare.ranking import by_error, compared
 from masmc_ros.compare.tables import as_json, page, text
-from masmc_ros.errors import InputError
-from masmc_ros.optional import require_rclpy
+from masmc_ros.errors import InputError, require_rclpy
 from masmc_ros.output_files import check_folder, make_folder, write_file
-from masmc_ros.report.aligned import WIDTH
+from masmc_ros.result_text import WIDTH
 from masmc_ros.scenario.scenario import source_of
 from masmc_ros.share import scenario_file
 

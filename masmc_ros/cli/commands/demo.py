@@ -16,11 +16,10 @@ from masmc_ros.cli.commands.report import report
 from masmc_ros.cli.node_processes import node_processes, NodeProcesses
 from masmc_ros.cli.private_domain import private_domain
 from masmc_ros.cli.urdf_choices import print_choices
-from masmc_ros.errors import UserError
+from masmc_ros.errors import require_rclpy, UserError
 from masmc_ros.law.reaching.implicit import IMPLICIT
 from masmc_ros.law.registry import SWITCHING_TERM
 from masmc_ros.loop.timing import DURATION
-from masmc_ros.optional import require_rclpy
 from masmc_ros.output_files import make_folder, write_file
 from masmc_ros.params.declaration import MutableValues
 from masmc_ros.report.measure.table import distance_text

@@ -17,9 +17,8 @@ from masmc_ros.cli.arguments import (
 )
 from masmc_ros.cli.urdf_choices import print_choices
 from masmc_ros.errors import InputError
-from masmc_ros.json_text import json_text
 from masmc_ros.output_files import check_absent
-from masmc_ros.report.aligned import aligned
+from masmc_ros.result_text import aligned, json_text
 from masmc_ros.scenario.scenario import source_of
 from masmc_ros.share import scenario_file
 

@@ -13,10 +13,9 @@ from typing import TYPE_CHECKING
 
 from masmc_ros.cli.arguments import add_json, add_overwrite
 from masmc_ros.errors import InputError
-from masmc_ros.json_text import json_text
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.output_files import check_absent
-from masmc_ros.report.aligned import aligned, WIDTH
+from masmc_ros.result_text import aligned, json_text, WIDTH
 from masmc_ros.robot.declaration import Coordinate
 
 if TYPE_CHECKING:

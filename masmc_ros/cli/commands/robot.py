@@ -14,13 +14,12 @@ from typing import Any
 from masmc_ros.cli.arguments import add_file, add_json, add_overwrite, add_settings
 from masmc_ros.cli.urdf_choices import choice_lines, choices_of
 from masmc_ros.errors import InputError
-from masmc_ros.json_text import json_text
 from masmc_ros.law.parts.command_limits import TORQUE_LIMIT
 from masmc_ros.log.recover.overlap import check_apart
 from masmc_ros.loop.plant_parameters import INITIAL_JOINTS, INITIAL_POSE
 from masmc_ros.loop.scenario import Scenario
 from masmc_ros.output_files import check_absent, write_file
-from masmc_ros.report.aligned import aligned, WIDTH
+from masmc_ros.result_text import aligned, json_text, WIDTH
 from masmc_ros.scenario.scenario import lowest_limits, source_of
 from masmc_ros.share import scenario_file
 import numpy as np

@@ -17,9 +17,8 @@ import os
 import sys
 from types import FrameType
 
-from masmc_ros.errors import suggestion, UserError
+from masmc_ros.errors import remedy, require_rclpy, suggestion, UserError
 from masmc_ros.nodes.process.ending import end_with_parent, on_end
-from masmc_ros.optional import remedy, require_rclpy
 
 NODES = {
     'plant': 'Simulated robot: receives commands, publishes its states.',

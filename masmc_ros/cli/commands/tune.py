@@ -28,12 +28,11 @@ from masmc_ros.cli.arguments import (
 )
 from masmc_ros.cli.campaign_options import add_draws
 from masmc_ros.cli.urdf_choices import print_choices
-from masmc_ros.json_text import json_text
 from masmc_ros.output_files import check_folder, make_folder, write_file
-from masmc_ros.report.aligned import aligned, WIDTH
 from masmc_ros.report.draw.campaign_figures import front_figure
 from masmc_ros.report.draw.style import figure_file, paper_style
 from masmc_ros.report.measure.table import Column, number
+from masmc_ros.result_text import aligned, json_text, WIDTH
 from masmc_ros.scenario.scenario import source_of
 from masmc_ros.share import scenario_file
 import numpy as np

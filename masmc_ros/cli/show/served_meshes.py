@@ -20,8 +20,8 @@ from masmc_ros.errors import InputError
 from masmc_ros.log.mcap.chunks import arrived_records, OpenChunk
 from masmc_ros.log.mcap.codec import MAGIC, parsed, RECORD_HEAD
 from masmc_ros.log.mcap.record_stream import RecordStream
-from masmc_ros.messages.names import DESCRIPTION_TOPIC
-from masmc_ros.messages.std_msgs import string_message, text_of
+from masmc_ros.messages.message import string_message, text_of
+from masmc_ros.messages.topics import DESCRIPTION_TOPIC
 from masmc_ros.robot.meshes import mesh_files
 from mcap.reader import make_reader
 from mcap.records import Footer, Message

@@ -27,9 +27,9 @@ from masmc_ros.messages.cdr_layout import (
 )
 from masmc_ros.messages.commands import CommandKind, LabelledCdr
 from masmc_ros.messages.joint_state import FIELDS, joint_state_layout, JointStateCdr
-from masmc_ros.messages.names import JOINTS
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.messages.telemetry import STAMP_NUMBERS, telemetry_layout, TelemetryCdr
+from masmc_ros.messages.topics import JOINTS
 import numpy as np
 from numpy.typing import NDArray
 

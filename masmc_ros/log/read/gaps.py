@@ -12,9 +12,8 @@ from pathlib import Path
 
 from masmc_ros.errors import InputError
 from masmc_ros.messages.cdr_layout import NANOSECONDS
-from masmc_ros.messages.names import STATE_TOPIC
-from masmc_ros.messages.stamp_order import in_time
-from masmc_ros.messages.stamps import header_stamp
+from masmc_ros.messages.stamps import header_stamp, in_time
+from masmc_ros.messages.topics import STATE_TOPIC
 import numpy as np
 from numpy.typing import NDArray
 

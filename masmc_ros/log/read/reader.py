@@ -25,12 +25,12 @@ from masmc_ros.log.read.platform_motion import twists, with_platform_pose
 from masmc_ros.log.read.timeline import last_pass_in_order, PassStart, sample_reference
 from masmc_ros.loop.signals import CONTACT, PUBLISHED, Signal
 from masmc_ros.loop.timing import PACING
-from masmc_ros.messages import names as message_names
+from masmc_ros.messages import topics as message_names
 from masmc_ros.messages.cdr_layout import NANOSECONDS
 from masmc_ros.messages.commands import ARM_VELOCITY, EFFORT
+from masmc_ros.messages.message import text_of
 from masmc_ros.messages.parameter_record import ParameterRecord
-from masmc_ros.messages.stamp_order import in_time, state_timeout
-from masmc_ros.messages.std_msgs import text_of
+from masmc_ros.messages.stamps import in_time, state_timeout
 from masmc_ros.messages.telemetry import telemetry_count
 from masmc_ros.messages.topics import FLOAT_ARRAY, ODOMETRY, STRING, TOPICS, TWIST, TWIST_STAMPED
 from masmc_ros.params.declaration import MutableValues, Values

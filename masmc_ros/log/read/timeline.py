@@ -11,8 +11,8 @@ from typing import cast, NamedTuple
 
 from masmc_ros.aliases import Array, Stamps
 from masmc_ros.messages.cdr_layout import NANOSECONDS
-from masmc_ros.messages.names import DERIVATIVES, TASK_AXES
 from masmc_ros.messages.reference_window import ReferenceWindow
+from masmc_ros.messages.topics import DERIVATIVES, TASK_AXES
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

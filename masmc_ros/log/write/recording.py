@@ -28,7 +28,7 @@ from masmc_ros.log.bag import (
 from masmc_ros.log.mcap.chunks import arrived_records, Message, MessageRecords
 from masmc_ros.log.offered_qos import Qos
 from masmc_ros.log.write.writer import LogWriter
-from masmc_ros.messages.definitions import Definition
+from masmc_ros.messages.cdr_layout import Definition
 import numpy as np
 
 _TURN = 0.02

@@ -23,14 +23,14 @@ from masmc_ros.loop.signals import PUBLISHED
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.tick_block import Change, TickBlock
 from masmc_ros.loop.trajectory_parameters import WINDOW
-from masmc_ros.messages import names as message_names
 from masmc_ros.messages import platform_messages, topics
+from masmc_ros.messages import topics as message_names
 from masmc_ros.messages.cdr_layout import Messages
 from masmc_ros.messages.commands import ARM_VELOCITY, EFFORT
 from masmc_ros.messages.joint_state import joint_state_layout
+from masmc_ros.messages.message import string_message
 from masmc_ros.messages.parameter_record import ParameterRecord
 from masmc_ros.messages.reference_window import ReferenceWindow
-from masmc_ros.messages.std_msgs import string_message
 from masmc_ros.messages.telemetry import telemetry_messages
 from masmc_ros.messages.transforms import transforms_messages
 from masmc_ros.robot.joint_names import check_frame_prefix, FRAME_PREFIX, joint_names

@@ -20,7 +20,7 @@ from masmc_ros.log.mcap import chunks
 from masmc_ros.log.mcap.codec import packed
 from masmc_ros.log.mcap.record_stream import RecordStream
 from masmc_ros.log.offered_qos import Qos
-from masmc_ros.messages.definitions import Definition, definition
+from masmc_ros.messages.cdr_layout import Definition, definition
 from masmc_ros.output_files import WholeFile
 from mcap.records import Attachment, Channel, Metadata, Schema, Statistics
 from mcap.well_known import MessageEncoding, SchemaEncoding

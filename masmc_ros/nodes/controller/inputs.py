@@ -10,16 +10,15 @@ import math
 import time
 
 from masmc_ros.aliases import Array
-from masmc_ros.control.state_gate import StateSources
+from masmc_ros.control.gates import StateSources
 from masmc_ros.errors import InputError
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES, VELOCITY_SOURCE
 from masmc_ros.loop.controller_parameters import POSE_FRAME, POSE_SOURCE
 from masmc_ros.messages.cdr_layout import checked_stamp, UNREAD
 from masmc_ros.messages.joint_state import JointStateCdr
-from masmc_ros.messages.names import REFERENCE_TOPIC
 from masmc_ros.messages.platform_messages import odometry_numbers
 from masmc_ros.messages.reference_window import ReferenceWindow
-from masmc_ros.messages.topics import TRANSFORMS
+from masmc_ros.messages.topics import REFERENCE_TOPIC, TRANSFORMS
 from masmc_ros.messages.transforms import transforms_of
 from masmc_ros.nodes.middleware.message_types import deserialized, raw_class
 from masmc_ros.nodes.middleware.topics import subscribe_with_past, subscription_qos

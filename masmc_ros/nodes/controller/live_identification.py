@@ -40,7 +40,7 @@ from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES, VELOCITY_
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.controller_parameters import ESTIMATION_TIME
 from masmc_ros.messages.cdr_layout import NANOSECONDS
-from masmc_ros.messages.names import PAYLOAD_TOPIC
+from masmc_ros.messages.topics import PAYLOAD_TOPIC
 from masmc_ros.params.declaration import Values
 from masmc_ros.robot.joint_names import FRAME_PREFIX
 from rclpy.clock import Clock

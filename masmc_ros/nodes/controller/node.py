@@ -51,9 +51,9 @@ from masmc_ros.loop.preparation import Preparation
 from masmc_ros.loop.safe_stop import SafeStop
 from masmc_ros.loop.simulated_robot import stamp_age
 from masmc_ros.loop.timing import PACING, Timing
-from masmc_ros.messages.names import CONTROLLER_STATE_TOPIC, REFERENCE_TOPIC
 from masmc_ros.messages.parameter_record import record_of
 from masmc_ros.messages.reference_window import ReferenceWindow
+from masmc_ros.messages.topics import CONTROLLER_STATE_TOPIC, REFERENCE_TOPIC
 from masmc_ros.nodes.controller.health import ControllerHealth
 from masmc_ros.nodes.controller.inputs import ReferenceInput, StateInput
 from masmc_ros.nodes.controller.lifecycle_services import LifecycleServices

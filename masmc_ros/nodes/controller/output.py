@@ -14,15 +14,15 @@ from masmc_ros.law.command_interface import ENABLE_STAMPED_CMD_VEL
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.signals import PUBLISHED
 from masmc_ros.messages.commands import ARM_VELOCITY, CommandWriter, EFFORT
-from masmc_ros.messages.names import (
+from masmc_ros.messages.platform_messages import TwistCdr, TwistStampedCdr
+from masmc_ros.messages.telemetry import TelemetryCdr
+from masmc_ros.messages.topics import (
     ARM_VELOCITY_TOPIC,
     CMD_VEL_TOPIC,
     COMMAND_TOPIC,
     SHARED_TOPIC,
     telemetry_topic,
 )
-from masmc_ros.messages.platform_messages import TwistCdr, TwistStampedCdr
-from masmc_ros.messages.telemetry import TelemetryCdr
 from masmc_ros.params.declaration import Values
 from masmc_ros.robot.joint_names import check_frame_prefix, FRAME_PREFIX
 import numpy as np

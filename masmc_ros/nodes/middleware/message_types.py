@@ -20,7 +20,7 @@ import re
 from typing import Any
 
 from masmc_ros.errors import InputError
-from masmc_ros.messages.definitions import definition
+from masmc_ros.messages.cdr_layout import definition
 from rclpy.serialization import deserialize_message
 from rclpy.type_support import check_for_type_support
 from std_msgs.msg import Empty

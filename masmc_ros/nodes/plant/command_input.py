@@ -18,10 +18,16 @@ from masmc_ros.law.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CM
 from masmc_ros.messages import deserialised
 from masmc_ros.messages.cdr_layout import checked_stamp
 from masmc_ros.messages.commands import ArmVelocityCdr, EffortCdr, LabelledCdr
-from masmc_ros.messages.names import ARM_VELOCITY_TOPIC, CMD_VEL_TOPIC, COMMAND_TOPIC
 from masmc_ros.messages.platform_messages import twist_numbers, TwistCdr, TwistStampedCdr
 from masmc_ros.messages.stamps import header_stamp
-from masmc_ros.messages.topics import FLOAT_ARRAY, TWIST, TWIST_STAMPED
+from masmc_ros.messages.topics import (
+    ARM_VELOCITY_TOPIC,
+    CMD_VEL_TOPIC,
+    COMMAND_TOPIC,
+    FLOAT_ARRAY,
+    TWIST,
+    TWIST_STAMPED,
+)
 from masmc_ros.nodes.middleware.message_types import deserialized
 from masmc_ros.nodes.middleware.topics import subscribe_with_past
 from masmc_ros.nodes.process.diagnostics import RejectedMessages

@@ -14,17 +14,18 @@ from masmc_ros.loop.signals import largest_slip
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.joint_state import JointStateCdr
-from masmc_ros.messages.names import (
+from masmc_ros.messages.message import string_message
+from masmc_ros.messages.platform_messages import OdometryCdr, TimeCdr, TwistCdr
+from masmc_ros.messages.telemetry import TelemetryCdr
+from masmc_ros.messages.topics import (
     ACTUAL_PATH_TOPIC,
     CLOCK_TOPIC,
     CONTACT_LABEL,
     CONTACT_TOPIC,
     DESCRIPTION_TOPIC,
+    TRANSFORMS,
+    transforms_topic,
 )
-from masmc_ros.messages.platform_messages import OdometryCdr, TimeCdr, TwistCdr
-from masmc_ros.messages.std_msgs import string_message
-from masmc_ros.messages.telemetry import TelemetryCdr
-from masmc_ros.messages.topics import TRANSFORMS, transforms_topic
 from masmc_ros.messages.transforms import TransformsCdr
 from masmc_ros.nodes.middleware.message_types import raw_class
 from masmc_ros.nodes.middleware.topics import DEEP

@@ -21,7 +21,7 @@ from masmc_ros.loop.plant_parameters import PAYLOAD_MASS, PUSH, PUSH_DURATION, T
 from masmc_ros.nodes.play.page import show_value, text_block
 from masmc_ros.nodes.play.server import PlayServer
 from masmc_ros.params.declaration import MutableValues, Parameter, Values
-from masmc_ros.params.sliders import (
+from masmc_ros.params.presentation import (
     gain_text,
     level_of,
     scaled,

@@ -19,19 +19,20 @@ from masmc_ros.loop.plant_parameters import PAYLOAD_MASS, PUSH
 from masmc_ros.loop.timing import DURATION
 from masmc_ros.messages.cdr_layout import NANOSECONDS
 from masmc_ros.messages.joint_state import JointStateCdr
-from masmc_ros.messages.names import (
+from masmc_ros.messages.message import text_of
+from masmc_ros.messages.parameter_record import ParameterRecord
+from masmc_ros.messages.path import path_points
+from masmc_ros.messages.telemetry import TelemetryCdr
+from masmc_ros.messages.topics import (
     COMMAND_TOPIC,
     CONTROLLER_STATE_TOPIC,
     DESIRED_PATH_TOPIC,
+    PARAMETER_NODES,
+    parameters_topic,
     REFERENCE_TOPIC,
     STATE_TOPIC,
     telemetry_topic,
 )
-from masmc_ros.messages.parameter_record import ParameterRecord
-from masmc_ros.messages.path import path_points
-from masmc_ros.messages.std_msgs import text_of
-from masmc_ros.messages.telemetry import TelemetryCdr
-from masmc_ros.messages.topics import PARAMETER_NODES, parameters_topic
 from masmc_ros.nodes.middleware.message_types import deserialized
 from masmc_ros.nodes.middleware.topics import DEEP, subscribe, subscribe_with_past
 from masmc_ros.nodes.parameters.services import ServiceCall
@@ -64,7 +65,7 @@ from masmc_ros.nodes.process.diagnostics import RejectedMessages, several_sender
 from masmc_ros.nodes.process.runtime import run
 from masmc_ros.params.declaration import MutableValues, Values
 from masmc_ros.params.file import parameter_file_text
-from masmc_ros.params.sliders import gain_text
+from masmc_ros.params.presentation import gain_text
 from masmc_ros.scenario.node_parameters import (
     ALLOW_COMMANDS,
     ASKS_FIRST,

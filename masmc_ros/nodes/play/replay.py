@@ -25,7 +25,7 @@ from masmc_ros.nodes.play.page import (
 )
 from masmc_ros.nodes.play.samples import WINDOW
 from masmc_ros.nodes.play.scene import path_of, places_of
-from masmc_ros.params.sliders import gain_text
+from masmc_ros.params.presentation import gain_text
 from masmc_ros.report.measure.adaptation import true_theta_of_run
 from masmc_ros.report.measure.parameters import ParameterChange, run_changes
 import numpy as np

@@ -11,8 +11,8 @@ import time
 from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from masmc_ros.control.actions import Throttle
 from masmc_ros.nodes.middleware.topics import Latched
-from masmc_ros.throttle import Throttle
 from rclpy.clock import Clock
 from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node

@@ -15,7 +15,7 @@ import time
 from typing import Protocol
 
 from masmc_ros.errors import InputError
-from masmc_ros.messages.definitions import Definition, definition
+from masmc_ros.messages.cdr_layout import Definition, definition
 from masmc_ros.nodes.parameters.services import ServiceCall
 from masmc_ros.nodes.process.runtime import without_source
 from rclpy.impl.rcutils_logger import RcutilsLogger

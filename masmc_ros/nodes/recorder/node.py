@@ -22,25 +22,23 @@ from masmc_ros.log.offered_qos import Qos
 from masmc_ros.log.recorder_parameters import EXTRA_TOPICS, QUEUE_SIZE
 from masmc_ros.log.recover.recover import recover_all
 from masmc_ros.loop.timing import Timing
-from masmc_ros.messages.definitions import Definition
-from masmc_ros.messages.names import (
+from masmc_ros.messages.cdr_layout import Definition
+from masmc_ros.messages.message import text_of
+from masmc_ros.messages.parameter_record import record_of
+from masmc_ros.messages.stamps import stamp_reader
+from masmc_ros.messages.topics import (
     ARM_VELOCITY_TOPIC,
     CMD_VEL_TOPIC,
     COMMAND_TOPIC,
     CONTROLLER_STATE_TOPIC,
     DESCRIPTION_TOPIC,
-    REFERENCE_TOPIC,
-    STATE_TOPIC,
-    TELEMETRY,
-    telemetry_topic,
-)
-from masmc_ros.messages.parameter_record import record_of
-from masmc_ros.messages.stamps import stamp_reader
-from masmc_ros.messages.std_msgs import text_of
-from masmc_ros.messages.topics import (
     PARAMETER_NODES,
     parameters_topic,
+    REFERENCE_TOPIC,
+    STATE_TOPIC,
     SYSTEM_TOPICS,
+    TELEMETRY,
+    telemetry_topic,
     TOPICS,
     TRANSFORMS,
 )

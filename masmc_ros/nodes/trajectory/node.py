@@ -10,7 +10,7 @@ import time
 
 from diagnostic_msgs.msg import DiagnosticArray
 from masmc_ros.aliases import Array
-from masmc_ros.control.actions import Record
+from masmc_ros.control.actions import Record, Throttle
 from masmc_ros.control.supervisor import would_follow
 from masmc_ros.errors import InputError, UserError
 from masmc_ros.log.traced_paths import DesiredPath
@@ -18,9 +18,9 @@ from masmc_ros.loop.controller_parameters import POSE_FRAME
 from masmc_ros.loop.timing import Timing
 from masmc_ros.loop.trajectory_parameters import HORIZON, START_TIME, WINDOW
 from masmc_ros.messages.cdr_layout import checked_stamp
-from masmc_ros.messages.names import CONTROLLER_STATE_TOPIC, DESIRED_PATH_TOPIC
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.messages.stamps import header_stamp
+from masmc_ros.messages.topics import CONTROLLER_STATE_TOPIC, DESIRED_PATH_TOPIC
 from masmc_ros.nodes.middleware.message_types import deserialized
 from masmc_ros.nodes.middleware.topics import subscribe_with_past
 from masmc_ros.nodes.parameters.ros_parameters import Pending
@@ -37,7 +37,6 @@ from masmc_ros.reference.sampled_trajectory import PATH_RECEIVED
 from masmc_ros.reference.trajectory import path_values, Trajectory, TYPE
 from masmc_ros.robot.joint_names import check_frame_prefix, FRAME_PREFIX, joint_names
 from masmc_ros.robot.robot import robot_of
-from masmc_ros.throttle import Throttle
 from nav_msgs.msg import Odometry, Path
 import numpy as np
 from rclpy.context import Context

@@ -13,10 +13,10 @@ from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError
 from masmc_ros.loop.controller_parameters import POSE_FRAME
 from masmc_ros.messages.cdr_layout import checked_stamp, UNREAD
-from masmc_ros.messages.frame_tree import FrameTree
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.platform_messages import odometry_numbers
 from masmc_ros.messages.topics import TRANSFORMS
+from masmc_ros.messages.transforms import FrameTree
 from masmc_ros.nodes.middleware.message_types import deserialized, raw_class
 from masmc_ros.nodes.middleware.topics import subscribe, subscribe_with_past
 from masmc_ros.nodes.process.base import SuiteNode

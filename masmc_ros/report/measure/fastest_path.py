@@ -18,8 +18,7 @@ from __future__ import annotations
 import math
 
 from masmc_ros.aliases import Array
-from masmc_ros.errors import InputError
-from masmc_ros.optional import remedy
+from masmc_ros.errors import InputError, remedy
 from masmc_ros.reference.joint_path import places_between
 from masmc_ros.reference.minimum_jerk import sample_knots
 from masmc_ros.report.measure.path_preview import Preview

@@ -11,7 +11,7 @@ from masmc_ros.log.read.gaps import gaps_in
 from masmc_ros.log.read.reader import Run
 from masmc_ros.loop.signals import PUBLISHED
 from masmc_ros.messages.cdr_layout import NANOSECONDS
-from masmc_ros.messages.names import (
+from masmc_ros.messages.topics import (
     ARM_VELOCITY_TOPIC,
     CMD_VEL_TOPIC,
     COMMAND_TOPIC,

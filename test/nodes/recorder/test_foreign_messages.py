@@ -21,11 +21,11 @@ from masmc_ros.log.recover.recover import recover
 from masmc_ros.log.write.recording import NOT_UNDERSTOOD
 from masmc_ros.messages.cdr_layout import END_OF_TIME
 from masmc_ros.messages.joint_state import JointStateCdr
-from masmc_ros.messages.names import DRIVEN_JOINTS
+from masmc_ros.messages.message import string_message
 from masmc_ros.messages.parameter_record import read_record, record_of
 from masmc_ros.messages.stamps import stamp_reader
-from masmc_ros.messages.std_msgs import string_message
 from masmc_ros.messages.telemetry import TelemetryCdr
+from masmc_ros.messages.topics import DRIVEN_JOINTS
 from masmc_ros.messages.transforms import TransformsCdr
 from masmc_ros.nodes.middleware.message_types import raw_class
 from masmc_ros.nodes.plant.command_input import base_sources, torque_sources

@@ -2,21 +2,30 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Received states of the robot: their order, repetition, lateness and timeout.
+Received states and references of the controller: order, repetition, lateness and timeouts.
 
 `StateSources` detects usable states from two robots, `StateLateness` the age of each state
-compared with the mean.
+compared with the mean. A `Pacing` contains the differences between lock-step and real time.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 import math
+from typing import Protocol
 
 from masmc_ros.aliases import Array
+from masmc_ros.errors import InputError, UserError
 from masmc_ros.law.parts.delay_fields import LATENCY, LONGEST
 from masmc_ros.loop.controller import Controller
-from masmc_ros.messages.stamp_order import Order, StampOrder
+from masmc_ros.loop.controller_parameters import REFERENCE_TIMEOUT
+from masmc_ros.loop.fault_rules import is_overdue
+from masmc_ros.messages.reference_window import ReferenceWindow
+from masmc_ros.messages.stamps import Order, StampOrder, state_timeout
+from masmc_ros.params.declaration import Values
+from masmc_ros.reference.windows import ReferenceWindows
+from masmc_ros.robot.robot import Robot
 import numpy as np
 
 _STEP = 0.02
@@ -260,3 +269,177 @@ class StateGate:
         is_confirmed = self._second_look < math.inf
         self._second_look = math.inf if is_confirmed else now + SECOND_LOOK
         return is_confirmed
+
+
+class ReferenceGate:
+    """
+    Reference within the reach of a robot, and the time since its end.
+
+    Attributes
+    ----------
+    windows
+        Received samples.
+
+    """
+
+    def __init__(self, robot: Robot, on_notice: Callable[[str], object]) -> None:
+        """Initialise without a reference; `on_notice` receives a text if a source is replaced."""
+        self._robot = robot
+        self.windows = ReferenceWindows(len(robot.mechanism.axes), on_notice)
+        self._held_since: float | None = None
+
+    def add(self, window: ReferenceWindow, stamp: int | None) -> None:
+        """
+        Add a window of samples, or a set-point; `stamp` in ns is that of the last state.
+
+        Raises
+        ------
+        InputError
+            If it is not finite, has a wrong size or is out of reach, or if it is a set-point
+            while a trajectory runs.
+
+        """
+        samples = window.samples.reshape(len(window.samples), -1)
+        self._check_reach(samples)
+        if window.stamp_ns is None:
+            self.windows.set_point(samples[0], stamp)
+        else:
+            self.windows.add(window.stamp_ns, window.period, samples)
+
+    def at(self, stamp: int) -> Array | None:
+        """Return the sample (3 axes) at a stamp in ns; None without one."""
+        reference = self.windows.at(stamp)
+        if reference is not None:
+            self._held_since = None
+        return reference
+
+    def held_after(self, stamp: int, now: float) -> Array | None:
+        """Return the last position (3 axes) before a stamp in ns; its end is `now` at first."""
+        reference = self.windows.held_after(stamp)
+        if reference is not None and self._held_since is None:
+            self._held_since = now
+        return reference
+
+    def restart_timeout(self) -> None:
+        """Let the timeout of a reference that has ended start with the next activation."""
+        self._held_since = None
+
+    def is_overdue(self, now: float, timeout: float) -> bool:
+        """Return True if the last position is held for more than a timeout, both in s."""
+        return self._held_since is not None and is_overdue(now, self._held_since, timeout)
+
+    def _check_reach(self, samples: Array) -> None:
+        """Raise InputError for a position that the mechanism cannot reach."""
+        mechanism, axes = self._robot.mechanism, len(self._robot.mechanism.axes)
+        if samples.shape[1] < axes or not np.isfinite(samples).all():
+            return
+        unreachable = mechanism.formulas.out_of_reach(
+            self._robot.geometry, np.ascontiguousarray(samples[:, :axes])
+        )
+        if unreachable is not None:
+            sample, reason = unreachable
+            raise InputError(f'reference: sample {sample} cannot be reached: {reason}')
+
+
+class Pacing(Protocol):
+    """
+    Policy for late and missing messages.
+
+    Attributes
+    ----------
+    name
+        Value of the parameter `pacing`.
+    is_timed
+        True if robot and reference move on without a command. An inactive controller then acts
+        at once, skipped ticks count, each start and a reference that steps are approached, and a
+        run-away is detected.
+
+    """
+
+    name: str
+    is_timed: bool
+
+    def gap_ns(self, values: Values) -> int | None:
+        """Return the longest ordinary interval in ns between two states; None: no limit."""
+
+    def state_timeout(self, values: Values) -> float:
+        """Return the time in s without a state after which a fault is raised."""
+
+    def reference_timeout(self, values: Values) -> float:
+        """Return the time in s after the end of the reference until a fault is raised."""
+
+    def is_near(self, order: Order) -> bool:
+        """Return True if a state with this order of its stamp may end the run."""
+
+    def holds(self, stamp: int, pending: int | None, computed: int | None) -> bool:
+        """Return True if the last position is held at a stamp that no reference covers."""
+
+    def ends_with(self, error: Exception) -> bool:
+        """Return True if an error of the law ends a run of limited duration."""
+
+
+class LockStep:
+    """The plant waits for each command, and the controller for the reference."""
+
+    name = 'lockstep'
+    is_timed = False
+
+    def gap_ns(self, values: Values) -> int | None:
+        """Return None: no state is missing."""
+        return None
+
+    def state_timeout(self, values: Values) -> float:
+        """Return infinity: a plant that waits for a command sends no state."""
+        return math.inf
+
+    def reference_timeout(self, values: Values) -> float:
+        """Return infinity: the reference will arrive."""
+        return math.inf
+
+    def is_near(self, order: Order) -> bool:
+        """Return False: every state arrives, the last one too."""
+        return False
+
+    def holds(self, stamp: int, pending: int | None, computed: int | None) -> bool:
+        """Return True for a newer state while one is pending: this plant does not wait."""
+        return computed is not None and pending is not None and pending != stamp
+
+    def ends_with(self, error: Exception) -> bool:
+        """Return True, so a UserError of the law ends the run; raise any other error."""
+        if not isinstance(error, UserError):
+            raise error
+        return True
+
+
+class RealTime:
+    """States arrive in their own time; a state that is missing for too long is a fault."""
+
+    name = 'realtime'
+    is_timed = True
+
+    def gap_ns(self, values: Values) -> int | None:
+        """Return `state_timeout`."""
+        return round(1e9 * state_timeout(values))
+
+    def state_timeout(self, values: Values) -> float:
+        """Return `state_timeout`."""
+        return state_timeout(values)
+
+    def reference_timeout(self, values: Values) -> float:
+        """Return `reference_timeout`; infinity if that is 0."""
+        return REFERENCE_TIMEOUT.of(values) or math.inf
+
+    def is_near(self, order: Order) -> bool:
+        """Return False for a single stamp far ahead, which may be wrong."""
+        return order is not Order.AHEAD
+
+    def holds(self, stamp: int, pending: int | None, computed: int | None) -> bool:
+        """Return True."""
+        return True
+
+    def ends_with(self, error: Exception) -> bool:
+        """Return False: the robot moves on, and the error is a fault."""
+        return False
+
+
+PACINGS: dict[str, Pacing] = {pacing.name: pacing for pacing in (LockStep(), RealTime())}
