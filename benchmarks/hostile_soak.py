@@ -31,7 +31,7 @@ from benchmarks.hostile import RandomInput
 from benchmarks.hostile_client import HostileClient
 from benchmarks.live_nodes import memory
 from lifecycle_msgs.msg import Transition
-from masmc_ros.cli.private_domain import private_domain
+from masmc_ros.cli.node_processes import private_domain
 from masmc_ros.errors import InputError
 from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.joint_state import JointStateCdr

@@ -14,7 +14,7 @@ import subprocess
 import sys
 from types import MappingProxyType
 
-from masmc_ros.cli.private_domain import private_domain
+from masmc_ros.cli.node_processes import private_domain
 from masmc_ros.nodes.process.ending import child_environment
 from masmc_ros.share import shared_file
 

@@ -15,7 +15,7 @@ import tempfile
 import time
 
 from benchmarks.measure import compared, Measure
-from masmc_ros.cli.private_domain import private_domain
+from masmc_ros.cli.node_processes import private_domain
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.nodes.middleware.topics import publisher_qos
 from masmc_ros.nodes.process.ending import child_environment

@@ -55,7 +55,7 @@ class Camera:
     def picture(self, number: int) -> NDArray[np.uint8]:
         """Return a picture (480, 640, 3) of a robot."""
         # matplotlib takes time to import.
-        from masmc_ros.report.draw.path_figure import frame
+        from masmc_ros.report.draw.path_figures import frame
 
         if not self._positions[number]:
             raise ResetNeeded('render: no episode has started; expected a reset before it')

@@ -89,7 +89,7 @@ class Plots(NamedTuple):
 
         """
         # matplotlib takes a second to import.
-        from masmc_ros.report.draw.error import error_figure
+        from masmc_ros.report.draw.run_figures import error_figure
         from masmc_ros.report.draw.style import paper_style
 
         known = {entry.key: entry for entry in self.metrics.points}
@@ -113,7 +113,7 @@ class Plots(NamedTuple):
             if the robot has no base inertial parameters.
 
         """
-        from masmc_ros.report.draw.adaptation_figure import adaptation_figure
+        from masmc_ros.report.draw.run_figures import adaptation_figure
         from masmc_ros.report.draw.style import paper_style
         from masmc_ros.report.panels import adaptation_panels
 
@@ -145,7 +145,7 @@ class Plots(NamedTuple):
             if the task of the robot has no positions.
 
         """
-        from masmc_ros.report.draw.signal_figure import plane_figure
+        from masmc_ros.report.draw.run_figures import plane_figure
         from masmc_ros.report.draw.style import paper_style
         from masmc_ros.report.panels import place_lines
 
@@ -155,7 +155,7 @@ class Plots(NamedTuple):
             return plane_figure(place_lines(self.places, self.actual, self.desired), self.label)
 
     def _signal(self, title: str, columns: Columns) -> Figure:
-        from masmc_ros.report.draw.signal_figure import signal_figure
+        from masmc_ros.report.draw.run_figures import signal_figure
         from masmc_ros.report.draw.style import paper_style
         from masmc_ros.report.panels import signal_panels
 

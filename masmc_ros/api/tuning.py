@@ -14,8 +14,15 @@ from masmc_ros.campaign.campaign import campaign_of
 from masmc_ros.campaign.draws import draw as parsed_draw
 from masmc_ros.campaign.part import CPU
 from masmc_ros.campaign.summary import metric_named
-from masmc_ros.campaign.tune import Evaluation, FORM, searched, tuned, Tuning, variables_of
-from masmc_ros.campaign.tuned_file import BaseFile
+from masmc_ros.campaign.tune import (
+    BaseFile,
+    Evaluation,
+    FORM,
+    searched,
+    tuned,
+    Tuning,
+    variables_of,
+)
 from masmc_ros.campaign.variable import Variable
 from masmc_ros.child_process import processors
 from masmc_ros.errors import InputError

@@ -6,12 +6,17 @@ Rows of a part of a campaign, as a pure function of the campaign and the numbers
 
 Runs of equal law, timing and path are computed in lanes. Every lane is bitwise identical to
 the run alone, so the rows do not depend on the size of parts or on the order.
+
+`rows_in_threads` computes many parts on all processors of this machine.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from functools import lru_cache
+from itertools import islice
+from threading import Event
 from typing import Any, Protocol
 
 from masmc_ros.campaign.runs import Description, FEWEST_ALIKE, Run
@@ -239,3 +244,46 @@ def _number(column: Column, result: Metrics | float) -> float:
     """Return a metric; NaN for a lost run, and for missing data."""
     value = None if isinstance(result, float) else column.value(result)
     return np.nan if value is None else value
+
+
+Part = tuple[int, int]
+"""First run and number of runs."""
+
+
+def rows_in_threads(
+    campaign: Description, parts: Iterable[Part], threads: int, device: Device | None = None
+) -> Generator[Rows, None, None]:
+    """
+    Yield the rows of parts in the order of completion.
+
+    Kernels release Python's lock. If the caller closes the generator early, the threads end
+    after their current batch.
+
+    Parameters
+    ----------
+    campaign
+        Campaign.
+    parts
+        First run and number of runs of each part.
+    threads
+        Number of threads.
+    device
+        Device that computes the runs which the threads prepare; None: the threads compute them.
+
+    """
+    stop, waiting = Event(), iter(parts)
+    running: set[Future[Rows]] = set()
+    with ThreadPoolExecutor(threads) as pool:
+        try:
+            while True:
+                for part in islice(waiting, threads + 1 - len(running)):
+                    running.add(pool.submit(rows, campaign, *part, stop.is_set, device))
+                if not running:
+                    return
+                done, running = wait(running, return_when=FIRST_COMPLETED)
+                for future in done:
+                    yield future.result()
+        finally:
+            stop.set()
+            for future in running:
+                future.cancel()

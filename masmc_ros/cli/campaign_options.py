@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from pathlib import Path
 import sys
 
-from masmc_ros.campaign.axes import Axis
 from masmc_ros.campaign.campaign import campaign_of
 from masmc_ros.campaign.draws import draw
 from masmc_ros.campaign.engine import carry_out
@@ -23,6 +22,7 @@ from masmc_ros.campaign.summary import (
     text,
     values_by_point,
 )
+from masmc_ros.campaign.variable import Axis
 from masmc_ros.cli.arguments import (
     add_device,
     add_file,

@@ -21,8 +21,7 @@ from masmc_ros.campaign.runs import (
     WORTH_LANES,
 )
 from masmc_ros.campaign.variable import Variable, with_variables
-from masmc_ros.compare import foreign
-from masmc_ros.compare.contenders import Contender, contenders, marked
+from masmc_ros.compare.contenders import Contender, contenders, Controller, enter, marked
 from masmc_ros.compare.trials import drawn_robot, sets_observer, Trial, trials_named
 from masmc_ros.errors import InputError
 from masmc_ros.law.command_interface import is_hybrid, takes_rates
@@ -127,7 +126,7 @@ def comparison_of(
     laws: str,
     trials: str,
     seeds: int,
-    controllers: Mapping[str, foreign.Controller] | None = None,
+    controllers: Mapping[str, Controller] | None = None,
 ) -> Comparison:
     """
     Return the comparison of laws in a parameter file.
@@ -161,7 +160,7 @@ def comparison_of(
     named = trials_named(trials, mechanism)
     chosen = contenders(laws, mechanism, SWITCHING_TERM.of(controller))
     for name, entered in (controllers or {}).items():
-        foreign.enter(name, entered)
+        enter(name, entered)
         chosen = (*chosen, Contender(name))
     if is_hybrid(controller) and any(contender.is_plain for contender in chosen):
         raise InputError(

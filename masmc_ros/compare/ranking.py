@@ -10,8 +10,7 @@ from dataclasses import dataclass
 import math
 
 from masmc_ros.campaign.part import Rows
-from masmc_ros.compare.contenders import Contender
-from masmc_ros.compare.foreign import summary_of
+from masmc_ros.compare.contenders import Contender, summary_of
 from masmc_ros.compare.law_comparison import Comparison, compute
 from masmc_ros.report.measure.metrics import declared, Metrics
 from masmc_ros.robot.declaration import Point, units_of

@@ -16,8 +16,7 @@ from dataclasses import dataclass
 from masmc_ros.aliases import Array, Records
 from masmc_ros.errors import InputError
 from masmc_ros.identification.consistent_parameters import Scale, scaled
-from masmc_ros.identification.directions import base_parameters
-from masmc_ros.identification.identify import Nominal
+from masmc_ros.identification.identify import base_parameters, Nominal
 from masmc_ros.identification.regressor import instantaneous, record_of
 from masmc_ros.jit.arrays import to_vector
 from masmc_ros.jit.compiled import kernel

@@ -17,8 +17,7 @@ from masmc_ros.identification.excitation import (
     PERIOD,
     positions_of,
 )
-from masmc_ros.identification.nominal import nominal_of, of_its_kind
-from masmc_ros.identification.parameter_file import write_parameters
+from masmc_ros.identification.parameter_file import nominal_of, of_its_kind, write_parameters
 from masmc_ros.law.parts.command_limits import TORQUE_LIMIT as CONTROLLER_TORQUE_LIMIT
 from masmc_ros.loop.plant_parameters import INITIAL_JOINTS, INITIAL_POSE, TORQUE_LIMIT
 from masmc_ros.loop.scenario import Scenario

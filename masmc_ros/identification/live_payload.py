@@ -32,10 +32,9 @@ from masmc_ros.identification.averaging_windows import (
     sample_weights,
     windows_in,
 )
-from masmc_ros.identification.latency_fit import Estimate
-from masmc_ros.identification.load import COULOMB_SHARE, EXPECTED_MOMENTS, Load, load_of
-from masmc_ros.identification.regressor import averaged
-from masmc_ros.identification.state_buffer import StateBuffer
+from masmc_ros.identification.latency_fit import Estimate, StateBuffer
+from masmc_ros.identification.payload import EXPECTED_MOMENTS, Load, load_of
+from masmc_ros.identification.regressor import averaged, COULOMB_SHARE
 from masmc_ros.robot.robot import Robot
 import numpy as np
 from numpy.typing import NDArray

@@ -34,6 +34,9 @@ _BODY = (
 FRICTIONS = ('viscous', 'coulomb')
 """Kinds of friction, whose coefficients follow the inertial parameters."""
 
+COULOMB_SHARE = 0.1
+"""Expected Coulomb friction, as a part of the RMS torque of the joint."""
+
 
 class Equations(NamedTuple):
     """

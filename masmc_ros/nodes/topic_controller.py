@@ -18,7 +18,7 @@ import sys
 import time
 
 from masmc_ros.aliases import Array
-from masmc_ros.compare.foreign import Controller, MistakeOfControllerError, OPTION, TOPICS
+from masmc_ros.compare.contenders import Controller, MistakeOfControllerError, OPTION, TOPICS
 from masmc_ros.errors import InputError
 from masmc_ros.law.plug_in import TickInput
 from masmc_ros.messages.cdr_layout import NANOSECONDS

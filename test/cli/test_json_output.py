@@ -156,7 +156,7 @@ def test_export_and_recover_json_documented_keys(output: Any, folder: Path) -> N
 def test_recover_json_describes_gaps(output: Any, folder: Path) -> None:
     from masmc_ros.cli.commands.recover import _row
     from masmc_ros.log.read.gaps import Gaps
-    from masmc_ros.log.recover.recover import Recovered
+    from masmc_ros.log.recover import Recovered
 
     recovered = Recovered(messages=3, start=0, end=10**9, dropped=5, damaged=((1, 2),))
     gaps = Gaps()

@@ -13,8 +13,8 @@ from typing import Any
 from helpers.small_tree import parameters
 from masmc_ros.cli.commands.layout import layout_for, robot_in
 from masmc_ros.cli.commands.view import _served
+from masmc_ros.cli.file_server import FileServer
 from masmc_ros.cli.main import main
-from masmc_ros.cli.show.file_server import FileServer
 from masmc_ros.errors import InputError
 from masmc_ros.log.write.writer import LogWriter
 from masmc_ros.messages.cdr_layout import definition

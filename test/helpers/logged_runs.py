@@ -6,8 +6,8 @@
 from pathlib import Path
 from typing import NamedTuple
 
-from masmc_ros.log.mcap.chunks import ChannelRows
-from masmc_ros.log.offered_qos import Qos
+from masmc_ros.log.bag import Qos
+from masmc_ros.log.codec import ChannelRows
 from masmc_ros.log.write.writer import LogWriter
 from masmc_ros.messages.cdr_layout import Messages
 from masmc_ros.messages.commands import EFFORT

@@ -12,7 +12,7 @@ from typing import Any
 from helpers.report_html import lines, Page
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
-from masmc_ros.log.offered_qos import Qos
+from masmc_ros.log.bag import Qos
 from masmc_ros.log.read.reader import read_run, Run
 from masmc_ros.log.write.writer import LogWriter
 from masmc_ros.messages.commands import ARM_VELOCITY, ArmVelocityCdr, LabelledCdr

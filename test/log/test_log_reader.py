@@ -11,7 +11,7 @@ from typing import Any
 
 from helpers.logged_runs import ARRAY, numbers, part, STATE, write_numbers, write_run
 from masmc_ros.errors import InputError
-from masmc_ros.log.mcap.chunks import ChannelRows
+from masmc_ros.log.codec import ChannelRows
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.log.write.writer import LogWriter
 from masmc_ros.loop.signals import CONTACT, PUBLISHED

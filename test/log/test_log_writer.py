@@ -17,9 +17,14 @@ from hypothesis import given, HealthCheck, settings
 from hypothesis import strategies as st
 from masmc_ros import __version__
 from masmc_ros.errors import InputError
-from masmc_ros.log.mcap.chunks import arrived_records, ChannelRows, COMPRESSIONS, packed_chunk
-from masmc_ros.log.mcap.record_stream import RecordStream
-from masmc_ros.log.offered_qos import Qos
+from masmc_ros.log.bag import Qos
+from masmc_ros.log.codec import (
+    arrived_records,
+    ChannelRows,
+    COMPRESSIONS,
+    packed_chunk,
+    RecordStream,
+)
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.log.write.writer import CHUNK_SIZE, LogWriter
 from masmc_ros.messages.cdr_layout import definition

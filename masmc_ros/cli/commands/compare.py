@@ -21,7 +21,7 @@ from masmc_ros.cli.arguments import (
     count,
 )
 from masmc_ros.cli.urdf_choices import print_choices
-from masmc_ros.compare import foreign, results
+from masmc_ros.compare import contenders, results
 from masmc_ros.compare.law_comparison import comparison_of
 from masmc_ros.compare.ranking import by_error, compared
 from masmc_ros.compare.tables import as_json, page, text
@@ -46,13 +46,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='LAW or LAW:SWITCHING, separated by commas; or all (%(default)s)',
     )
     parser.add_argument(
-        foreign.OPTION,
+        contenders.OPTION,
         action='append',
         default=[],
         metavar='FILE.py:NAME',
         help='controller from elsewhere: a function of (state, reference) that returns torques,'
-        f' or a class of such objects; or {foreign.TOPICS}NAME, a node that answers states on ROS'
-        ' topics; repeatable',
+        f' or a class of such objects; or {contenders.TOPICS}NAME, a node that answers states on'
+        ' ROS topics; repeatable',
     )
     parser.add_argument(
         results.OPTION,
@@ -95,18 +95,18 @@ def run(options: argparse.Namespace) -> int:
 @contextmanager
 def _controllers(
     options: argparse.Namespace, file: str
-) -> Iterator[dict[str, foreign.Controller]]:
+) -> Iterator[dict[str, contenders.Controller]]:
     """Yield the controllers from elsewhere by name; one may be a node."""
-    of_files = [text for text in options.controller if not text.startswith(foreign.TOPICS)]
-    controllers = foreign.loaded_controllers(of_files)
-    nodes = [text for text in options.controller if text.startswith(foreign.TOPICS)]
+    of_files = [text for text in options.controller if not text.startswith(contenders.TOPICS)]
+    controllers = contenders.loaded_controllers(of_files)
+    nodes = [text for text in options.controller if text.startswith(contenders.TOPICS)]
     if not nodes:
         yield controllers
         return
-    name = nodes[0].removeprefix(foreign.TOPICS)
+    name = nodes[0].removeprefix(contenders.TOPICS)
     if len(nodes) > 1 or not name.isidentifier() or name in controllers:
-        given = ' '.join(f"{foreign.OPTION} '{text}'" for text in nodes)
-        raise InputError(f'{given}: expected one {foreign.TOPICS}NAME with a name of its own')
+        given = ' '.join(f"{contenders.OPTION} '{text}'" for text in nodes)
+        raise InputError(f'{given}: expected one {contenders.TOPICS}NAME with a name of its own')
     require_rclpy()
     from masmc_ros.nodes.topic_controller import topic_controller
 
@@ -116,7 +116,7 @@ def _controllers(
 
 
 def _compare(
-    options: argparse.Namespace, file: str, controllers: dict[str, foreign.Controller]
+    options: argparse.Namespace, file: str, controllers: dict[str, contenders.Controller]
 ) -> int:
     comparison = comparison_of(
         file, options.set, options.laws, options.trials, options.seeds, controllers

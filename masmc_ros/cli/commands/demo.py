@@ -13,8 +13,7 @@ import time
 
 from masmc_ros.cli.arguments import add_json, add_output
 from masmc_ros.cli.commands.report import report
-from masmc_ros.cli.node_processes import node_processes, NodeProcesses
-from masmc_ros.cli.private_domain import private_domain
+from masmc_ros.cli.node_processes import node_processes, NodeProcesses, private_domain
 from masmc_ros.cli.urdf_choices import print_choices
 from masmc_ros.errors import require_rclpy, UserError
 from masmc_ros.law.reaching.implicit import IMPLICIT

@@ -21,7 +21,7 @@ from masmc_ros.robot.declaration import Coordinate
 if TYPE_CHECKING:
     from masmc_ros.identification.identify import Identified
     from masmc_ros.identification.latency_fit import LatencyFit
-    from masmc_ros.identification.load import Load
+    from masmc_ros.identification.payload import Load
 
 _FARTHEST = 0.5
 """Standard error of a centre of mass in m from which the motion did not determine it."""
@@ -53,10 +53,19 @@ def run(options: argparse.Namespace) -> int:
         check_absent(output, overwrite=options.overwrite)
         check_absent(output.with_suffix('.urdf'), overwrite=options.overwrite)
     # Imported here: the compiler and the solvers take time.
-    from masmc_ros.identification.directions import base_parameters, unexcited
-    from masmc_ros.identification.identify import identify, measured, relative_error
-    from masmc_ros.identification.nominal import nominal_of, nominal_of_run
-    from masmc_ros.identification.parameter_file import unwritten_timing, write_identified
+    from masmc_ros.identification.identify import (
+        base_parameters,
+        identify,
+        measured,
+        relative_error,
+        unexcited,
+    )
+    from masmc_ros.identification.parameter_file import (
+        nominal_of,
+        nominal_of_run,
+        unwritten_timing,
+        write_identified,
+    )
     from masmc_ros.identification.payload import payload_of
     from masmc_ros.identification.samples import samples_of
     from masmc_ros.scenario.scenario import load_scenario

@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 from masmc_ros.cli.arguments import add_file
 from masmc_ros.errors import InputError
 from masmc_ros.law.command_interface import is_hybrid
+from masmc_ros.log.bag import check_apart
 from masmc_ros.log.read.reader import is_log, read_run
-from masmc_ros.log.recover.overlap import check_apart
 from masmc_ros.messages.telemetry import STAMP_NUMBERS
 from masmc_ros.messages.topics import COMMAND_TOPIC, STATE_TOPIC, telemetry_topic
 from masmc_ros.output_files import write_file

@@ -23,13 +23,18 @@ from masmc_ros.cli.arguments import (
 from masmc_ros.cli.compile_notice import compile_notice
 from masmc_ros.cli.urdf_choices import print_choices
 from masmc_ros.errors import InputError
-from masmc_ros.log.recover.overlap import check_apart
+from masmc_ros.log.bag import check_apart
 from masmc_ros.output_files import check_absent, write_file
 from masmc_ros.reference.path_file import csv_text
-from masmc_ros.report.draw.preview_figure import preview_figure
+from masmc_ros.report.draw.path_figures import preview_figure
 from masmc_ros.report.draw.style import figure_file, FORMATS, paper_style
-from masmc_ros.report.measure.fastest_path import fastest_samples
-from masmc_ros.report.measure.path_preview import PathError, Preview, preview, sufficient_slowdown
+from masmc_ros.report.measure.path_preview import (
+    fastest_samples,
+    PathError,
+    Preview,
+    preview,
+    sufficient_slowdown,
+)
 from masmc_ros.result_text import aligned, json_text, WIDTH
 from masmc_ros.scenario.scenario import source_of
 from masmc_ros.share import scenario_file

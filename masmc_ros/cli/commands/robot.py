@@ -15,7 +15,7 @@ from masmc_ros.cli.arguments import add_file, add_json, add_overwrite, add_setti
 from masmc_ros.cli.urdf_choices import choice_lines, choices_of
 from masmc_ros.errors import InputError
 from masmc_ros.law.parts.command_limits import TORQUE_LIMIT
-from masmc_ros.log.recover.overlap import check_apart
+from masmc_ros.log.bag import check_apart
 from masmc_ros.loop.plant_parameters import INITIAL_JOINTS, INITIAL_POSE
 from masmc_ros.loop.scenario import Scenario
 from masmc_ros.output_files import check_absent, write_file

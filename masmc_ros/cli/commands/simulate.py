@@ -22,8 +22,8 @@ from masmc_ros.cli.compile_notice import compile_notice
 from masmc_ros.cli.run_course import Course
 from masmc_ros.cli.urdf_choices import print_choices
 from masmc_ros.errors import InputError
+from masmc_ros.log.bag import check_apart
 from masmc_ros.log.read.reader import is_log, read_run, Run
-from masmc_ros.log.recover.overlap import check_apart
 from masmc_ros.loop.plant_parameters import INITIAL_JOINTS
 from masmc_ros.loop.scenario import Scenario
 from masmc_ros.loop.signals import largest_slip
@@ -32,9 +32,8 @@ from masmc_ros.loop.tick_block import Change
 from masmc_ros.loop.timed_simulation import TimedSimulation
 from masmc_ros.output_files import check_absent
 from masmc_ros.reference.sampled_trajectory import SampledTrajectory
-from masmc_ros.report.measure.chatter import chatter_notes
 from masmc_ros.report.measure.labels import law_label
-from masmc_ros.report.measure.metrics import MetricSamples
+from masmc_ros.report.measure.metrics import chatter_notes, MetricSamples
 from masmc_ros.report.measure.recomputed import logged_responses, Recomputed
 from masmc_ros.report.measure.table import json_table, text_table
 from masmc_ros.result_text import json_text, WIDTH

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import argparse
 
-from masmc_ros.campaign.axes import axis, FORM
+from masmc_ros.campaign.variable import axis, FORM
 from masmc_ros.cli.arguments import count
 from masmc_ros.cli.campaign_options import add_campaign, add_draws, run_campaign
 

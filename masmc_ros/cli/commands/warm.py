@@ -14,7 +14,7 @@ from typing import Any
 from masmc_ros.cli.arguments import add_json, add_settings
 from masmc_ros.cli.compile_notice import compile_notice
 from masmc_ros.errors import InputError, suggestion
-from masmc_ros.identification.effort_echo import compile_echo
+from masmc_ros.identification.latency_fit import compile_echo
 from masmc_ros.jit.record import AT_RUN_TIME
 from masmc_ros.law import registry
 from masmc_ros.law.registry import LAW

@@ -19,10 +19,15 @@ from masmc_ros.law.command_interface import COMMAND_INTERFACE, COMMAND_INTERFACE
 from masmc_ros.log.bag import METADATA_FILE
 from masmc_ros.log.read import decode
 from masmc_ros.log.read.contents import LogContents, NO_TIME, Topic
-from masmc_ros.log.read.message_order import align_log_times, sort_by_log_time
 from masmc_ros.log.read.parameter_history import parameter_history
 from masmc_ros.log.read.platform_motion import twists, with_platform_pose
-from masmc_ros.log.read.timeline import last_pass_in_order, PassStart, sample_reference
+from masmc_ros.log.read.timeline import (
+    align_log_times,
+    last_pass_in_order,
+    PassStart,
+    sample_reference,
+    sort_by_log_time,
+)
 from masmc_ros.loop.signals import CONTACT, PUBLISHED, Signal
 from masmc_ros.loop.timing import PACING
 from masmc_ros.messages import topics as message_names
@@ -219,7 +224,7 @@ def read_run(path: str | Path) -> Run:
 
     """
     # Imported here: commands that read no log need no MCAP libraries.
-    from masmc_ros.log.read.scan import scan
+    from masmc_ros.log.read.contents import scan
 
     path = Path(path)
     contents = scan(path)

@@ -20,14 +20,8 @@ from lifecycle_msgs.srv import (
     GetAvailableTransitions,
     GetState,
 )
-from masmc_ros.control.supervisor import (
-    find_transition,
-    LifecycleState,
-    STATES,
-    Transition,
-    TRANSITIONS,
-    transitions_from,
-)
+from masmc_ros.control import supervisor
+from masmc_ros.control.supervisor import LifecycleState, STATES, TRANSITIONS, transitions_from
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 
@@ -118,7 +112,7 @@ def _state(state: LifecycleState) -> State:
     return State(id=state.number, label=state.label)
 
 
-def _description(transition: Transition) -> TransitionDescription:
+def _description(transition: supervisor.Transition) -> TransitionDescription:
     return TransitionDescription(
         transition=Transition(id=transition.number, label=transition.label),
         start_state=_state(transition.start),

@@ -18,14 +18,14 @@ from threading import Thread
 
 from geometry_msgs.msg import InertiaStamped
 from masmc_ros.aliases import Array
-from masmc_ros.identification.effort_echo import (
+from masmc_ros.identification.latency_fit import (
     compile_echo,
     echo_text,
     EchoBuffer,
     fit_echo,
+    LatencyFit,
     wrong_latency,
 )
-from masmc_ros.identification.latency_fit import LatencyFit
 from masmc_ros.identification.live_payload import (
     Block,
     BlockBuffer,
@@ -33,7 +33,7 @@ from masmc_ros.identification.live_payload import (
     PayloadEstimate,
     PayloadEstimator,
 )
-from masmc_ros.identification.nominal import nominal_of
+from masmc_ros.identification.parameter_file import nominal_of
 from masmc_ros.law.parts.delay_fields import LATENCY, MOTOR_LAG
 from masmc_ros.law.parts.model import MODEL_SCALE, PAYLOAD_MASS
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES, VELOCITY_SOURCE

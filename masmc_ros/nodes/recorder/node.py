@@ -18,9 +18,9 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from masmc_ros.control.supervisor import Mode
 from masmc_ros.errors import InputError
-from masmc_ros.log.offered_qos import Qos
+from masmc_ros.log.bag import Qos
 from masmc_ros.log.recorder_parameters import EXTRA_TOPICS, QUEUE_SIZE
-from masmc_ros.log.recover.recover import recover_all
+from masmc_ros.log.recover import recover_all
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.cdr_layout import Definition
 from masmc_ros.messages.message import text_of

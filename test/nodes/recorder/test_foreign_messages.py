@@ -17,7 +17,7 @@ from helpers.foreign_publishers import NESTED, random_message, record, TEXTS, TY
 from helpers.processes import BOUNDED, NODES, Peer, peer, processes, ros_arguments
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import read_run
-from masmc_ros.log.recover.recover import recover
+from masmc_ros.log.recover import recover
 from masmc_ros.log.write.recording import NOT_UNDERSTOOD
 from masmc_ros.messages.cdr_layout import END_OF_TIME
 from masmc_ros.messages.joint_state import JointStateCdr

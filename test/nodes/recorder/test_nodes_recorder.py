@@ -31,7 +31,7 @@ from helpers.processes import (
     shortened,
 )
 from masmc_ros.log.read.reader import read_run
-from masmc_ros.log.recover.recover import is_complete
+from masmc_ros.log.recover import is_complete
 from masmc_ros.messages.message import text_of
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.messages.topics import TELEMETRY

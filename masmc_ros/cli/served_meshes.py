@@ -17,9 +17,14 @@ import shutil
 from typing import BinaryIO, NamedTuple
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.mcap.chunks import arrived_records, OpenChunk
-from masmc_ros.log.mcap.codec import MAGIC, parsed, RECORD_HEAD
-from masmc_ros.log.mcap.record_stream import RecordStream
+from masmc_ros.log.codec import (
+    arrived_records,
+    MAGIC,
+    OpenChunk,
+    parsed,
+    RECORD_HEAD,
+    RecordStream,
+)
 from masmc_ros.messages.message import string_message, text_of
 from masmc_ros.messages.topics import DESCRIPTION_TOPIC
 from masmc_ros.robot.meshes import mesh_files

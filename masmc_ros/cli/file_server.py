@@ -5,18 +5,22 @@
 Files over HTTP for an application of this machine, in parts and for any web page.
 
 A viewer reads the parts of a log that it shows by range requests. The addresses contain a secret;
-therefore other pages in the browser cannot find the files.
+therefore other pages in the browser cannot find the files. `tunnel_hint` is the way to a port of
+this machine from another one.
 """
 
 from __future__ import annotations
 
 from contextlib import suppress
+import getpass
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 import os
 from pathlib import Path
 import re
 import secrets
+import socket
+import sys
 import threading
 from typing import Any, BinaryIO
 from urllib.parse import quote, urlsplit
@@ -167,3 +171,30 @@ def _part(header: str | None, size: int) -> range | None:
     else:
         part = range(int(first), min(size, int(last) + 1) if last else size)
     return part if len(part) else None
+
+
+def has_desktop() -> bool:
+    """Return True if programs of this process can open windows."""
+    return sys.platform == 'darwin' or bool(
+        os.environ.get('DISPLAY') or os.environ.get('WAYLAND_DISPLAY')
+    )
+
+
+def tunnel_hint(port: int) -> str:
+    """Return how a browser on another machine reaches a port of this one; '' with a desktop."""
+    remote = os.environ.get('SSH_CONNECTION', '').split()
+    if has_desktop() and not remote:
+        return ''
+    # Client, its port, server, its port.
+    host = remote[2] if len(remote) == 4 else socket.gethostname()
+    user = 'USER'
+    # A container may run as a user without a name; Python before 3.13 raises KeyError.
+    with suppress(KeyError, OSError):
+        user = getpass.getuser()
+    command = f'ssh -N -L {port}:{HOST}:{port} {user}@{host}'
+    if len(remote) == 4 and remote[3] != '22':
+        command += f' -p {remote[3]}'
+    return (
+        f'without a browser here: on the machine that has one run `{command}`, then open the same'
+        ' address there; --port keeps it at one port'
+    )
