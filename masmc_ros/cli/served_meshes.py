@@ -27,7 +27,7 @@ from masmc_ros.log.codec import (
 )
 from masmc_ros.messages.message import string_message, text_of
 from masmc_ros.messages.topics import DESCRIPTION_TOPIC
-from masmc_ros.robot.meshes import mesh_files
+from masmc_ros.robot.visuals import mesh_files
 from mcap.reader import make_reader
 from mcap.records import Footer, Message
 

@@ -18,7 +18,7 @@ from masmc_ros.identification.excitation import (
     positions_of,
 )
 from masmc_ros.identification.parameter_file import nominal_of, of_its_kind, write_parameters
-from masmc_ros.law.parts.command_limits import TORQUE_LIMIT as CONTROLLER_TORQUE_LIMIT
+from masmc_ros.law.parts.joint_limits import TORQUE_LIMIT as CONTROLLER_TORQUE_LIMIT
 from masmc_ros.loop.plant_parameters import INITIAL_JOINTS, INITIAL_POSE, TORQUE_LIMIT
 from masmc_ros.loop.scenario import Scenario
 from masmc_ros.messages.topics import PARAMETER_NODES

@@ -15,7 +15,7 @@ from collections import deque
 
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.path import path_message
-from masmc_ros.reference.sampled_trajectory import SampledTrajectory
+from masmc_ros.reference.reference import SampledTrajectory
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.robot.declaration import ODOM_FRAME
 from masmc_ros.robot.robot import Robot

@@ -45,8 +45,7 @@ from masmc_ros.loop.signals import OF_PLANT
 from masmc_ros.loop.timing import check_count, MOST_TICKS
 from masmc_ros.params.declaration import Values
 from masmc_ros.plant_model.drives import joint_inertias, lag_shares
-from masmc_ros.plant_model.elastic import LONGEST_STEP, natural_frequency
-from masmc_ros.plant_model.stiction import bristle_gains
+from masmc_ros.plant_model.joint_effects import bristle_gains, LONGEST_STEP, natural_frequency
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.robot.robot import Robot, robot_of, robot_with

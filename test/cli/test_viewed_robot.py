@@ -24,8 +24,8 @@ from masmc_ros.messages.parameter_record import ParameterRecord
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.joint_names import joint_names_of
 from masmc_ros.robot.mechanisms import DEFAULT, mechanism_from
-from masmc_ros.robot.meshes import mesh_files
 from masmc_ros.robot.urdf import read_urdf
+from masmc_ros.robot.visuals import mesh_files
 from mcap.reader import make_reader
 from mcap.writer import Writer
 import pytest

@@ -17,8 +17,7 @@ from masmc_ros.jit.compiled import kernel
 from masmc_ros.jit.lanes import lane_of
 from masmc_ros.law.parts.delay_compensation import horizon
 from masmc_ros.law.parts.delay_fields import MEMORY, SETTINGS
-from masmc_ros.law.parts.delay_gains import estimate_gain, observer_gains
-from masmc_ros.law.parts.delay_prediction import BANDWIDTH
+from masmc_ros.law.parts.delay_prediction import BANDWIDTH, estimate_gain, observer_gains
 from masmc_ros.law.parts.velocity_estimator import filter_bandwidth
 from masmc_ros.loop.closed_loop import limit_torque, predict_state, reduce_torque
 from masmc_ros.loop.controller import Controller

@@ -23,9 +23,9 @@ from masmc_ros.nodes.play.samples import SampleWindow, TimeSpeed, WINDOW
 from masmc_ros.nodes.play.scene import RobotScene
 from masmc_ros.nodes.play.server import is_local, PlayServer
 from masmc_ros.params.presentation import gain_text, level_of, scaled, slider_range, SLIDERS
+from masmc_ros.report.panels import shown_parameters
 from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.robot.robot import robot_of
-from masmc_ros.robot.shown_parameters import shown_parameters
 from masmc_ros.scenario.node_parameters import declared
 from masmc_ros.scenario.scenario import load_scenario
 from masmc_ros.share import scenario_file

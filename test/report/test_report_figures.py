@@ -27,7 +27,7 @@ from masmc_ros.report.measure.tracking import tracking
 from masmc_ros.report.report import write_report
 from masmc_ros.robot.declaration import Point
 from masmc_ros.robot.mechanisms import DEFAULT
-from masmc_ros.robot.two_link.drawing import arm_points
+from masmc_ros.robot.two_link.description import arm_points
 import matplotlib
 from matplotlib.image import imread
 import numpy as np

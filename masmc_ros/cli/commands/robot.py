@@ -14,7 +14,7 @@ from typing import Any
 from masmc_ros.cli.arguments import add_file, add_json, add_overwrite, add_settings
 from masmc_ros.cli.urdf_choices import choice_lines, choices_of
 from masmc_ros.errors import InputError
-from masmc_ros.law.parts.command_limits import TORQUE_LIMIT
+from masmc_ros.law.parts.joint_limits import TORQUE_LIMIT
 from masmc_ros.log.bag import check_apart
 from masmc_ros.loop.plant_parameters import INITIAL_JOINTS, INITIAL_POSE
 from masmc_ros.loop.scenario import Scenario

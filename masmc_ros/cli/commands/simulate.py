@@ -31,7 +31,7 @@ from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.tick_block import Change
 from masmc_ros.loop.timed_simulation import TimedSimulation
 from masmc_ros.output_files import check_absent
-from masmc_ros.reference.sampled_trajectory import SampledTrajectory
+from masmc_ros.reference.reference import SampledTrajectory
 from masmc_ros.report.measure.labels import law_label
 from masmc_ros.report.measure.metrics import chatter_notes, MetricSamples
 from masmc_ros.report.measure.recomputed import logged_responses, Recomputed

@@ -11,8 +11,8 @@ from typing import NamedTuple
 from masmc_ros.aliases import Array
 from masmc_ros.nodes.play.samples import SampleWindow
 from masmc_ros.report.measure.adaptation import divisors
+from masmc_ros.report.panels import MASS, shown_parameters
 from masmc_ros.robot.declaration import Mechanism
-from masmc_ros.robot.shown_parameters import MASS, shown_parameters
 import numpy as np
 from viser import GuiApi
 from viser.uplot import Series, Series_Points

@@ -33,7 +33,7 @@ from masmc_ros.nodes.trajectory.path_input import PathInput
 from masmc_ros.nodes.trajectory.path_messages import PathRequest
 from masmc_ros.nodes.trajectory.received_paths import ReceivedPaths
 from masmc_ros.params.declaration import MutableValues
-from masmc_ros.reference.sampled_trajectory import PATH_RECEIVED
+from masmc_ros.reference.reference import PATH_RECEIVED
 from masmc_ros.reference.trajectory import path_values, Trajectory, TYPE
 from masmc_ros.robot.joint_names import check_frame_prefix, FRAME_PREFIX, joint_names
 from masmc_ros.robot.robot import robot_of

@@ -22,9 +22,8 @@ from masmc_ros.messages.cdr_layout import checked_stamp, ENCAPSULATION, NANOSECO
 from masmc_ros.messages.transforms import moved
 from masmc_ros.nodes.middleware.message_types import deserialized
 from masmc_ros.reference.joint_path import JointPoints
-from masmc_ros.reference.pose_path import PosePoints
+from masmc_ros.reference.pose_path import PosePoints, TwistPoints
 from masmc_ros.reference.trajectory import Trajectory
-from masmc_ros.reference.twist_path import TwistPoints
 from masmc_ros.robot.declaration import BASE_FRAME, Mechanism, ODOM_FRAME
 from nav_msgs.msg import Path
 import numpy as np

@@ -33,7 +33,7 @@ from masmc_ros.loop.timing import DURATION, Timing
 from masmc_ros.params.declaration import MutableValues
 from masmc_ros.reference.joint_path import places_between
 from masmc_ros.reference.minimum_jerk import sample_knots
-from masmc_ros.reference.sampled_trajectory import SampledTrajectory
+from masmc_ros.reference.reference import SampledTrajectory
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.robot.declaration import Mechanism, Point
 from masmc_ros.scenario.node_parameters import declared

@@ -18,7 +18,7 @@ from masmc_ros.robot.declaration import (
     register,
     Velocity,
 )
-from masmc_ros.robot.two_link.physical_parameters import ROBOT
+from masmc_ros.robot.two_link.constants import ROBOT
 
 BASE = (
     Coordinate('base_x_joint', 'x', 'x', 'm'),

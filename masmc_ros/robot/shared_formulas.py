@@ -2,10 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Formulas for tasks with as many axes as joints, whose errors are differences of coordinates.
+Formulas that mechanisms share: square tasks, independent parameters and forward dynamics.
 
-Mechanisms with such a task import them. In addition to the other formulas of the interface they
-have the first three formulas below.
+Mechanisms without more specific formulas import them. A square task has as many axes as joints,
+and its errors are differences of coordinates; in addition to the other formulas of the interface
+such a mechanism has the first three formulas below.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from masmc_ros.jit.compiled import formula
 from masmc_ros.jit.tuples import elementwise, from_index, unit
 from masmc_ros.numerics.scalars import minus
 from masmc_ros.robot import mechanism
-from masmc_ros.robot.formula_types import Lengths, MechanismInertia, MechanismPosture
+from masmc_ros.robot.formula_types import LawSettings, Lengths, MechanismInertia, MechanismPosture
 from masmc_ros.robot.mechanism import of_model, Tracking
 
 
@@ -103,3 +104,34 @@ def task_inertia(
     """Return H_x = J^-T H J^-1 of (11) by its columns, kg."""
     h = mechanism.inertia(model, posture, theta)
     return from_index(_task_inertia_column, surface, (model, posture, h, surface))
+
+
+@formula
+def gradient_step(estimate: float, gradient: float, gamma: float, period: float) -> float:
+    """Return one parameter after an explicit step of (23); `gamma` its entry of Gamma."""
+    return estimate - period * gradient / gamma
+
+
+@formula
+def theta_step(
+    model: Lengths, settings: LawSettings, theta: Numbers, gradient: Numbers, period: float
+) -> Numbers:
+    """Return theta - T Gamma^-1 g."""
+    return elementwise(gradient_step, theta, gradient, settings.gamma, period)
+
+
+@formula
+def preserves_consistency(model: Lengths, settings: LawSettings) -> bool:
+    """Return False: independent parameters can be physically inconsistent."""
+    return False
+
+
+@formula
+def joint_accelerations(
+    model: Lengths, posture: MechanismPosture, theta: Numbers, rates: Numbers, torques: Numbers
+) -> Numbers:
+    """Return the joint accelerations of H^-1 (f - V v - g)."""
+    bias = mechanism.coriolis(model, posture, theta, mechanism.motion(model, rates))
+    force = elementwise(minus, mechanism.forces(model, torques), bias)
+    h = mechanism.inertia(model, posture, theta)
+    return mechanism.joint_rates(model, mechanism.inertia_solve(model, h, force))
