@@ -14,15 +14,7 @@ from collections.abc import Callable
 import math
 
 from masmc_ros.aliases import Array
-from masmc_ros.control.actions import (
-    Actions,
-    Failure,
-    Halt,
-    HaltCommand,
-    Line,
-    NOTHING,
-    Repeat,
-)
+from masmc_ros.control.actions import Actions, Failure, Halt, HaltCommand, Line, NOTHING, Repeat
 from masmc_ros.control.gates import Pacing, PACINGS, ReferenceGate, StateGate
 from masmc_ros.control.layer_watch import LayerWatch
 from masmc_ros.control.outbox import Outbox

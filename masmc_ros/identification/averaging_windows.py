@@ -16,9 +16,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from masmc_ros.aliases import Array
+from masmc_ros.aliases import Array, Flags, Integers
 import numpy as np
-from numpy.typing import NDArray
 
 _TAIL = 12.0
 """Time after which the response of the motor lag is ignored, in multiples of the lag."""
@@ -69,7 +68,7 @@ class Weights(NamedTuple):
 
     """
 
-    window: NDArray[np.int64]
+    window: Integers
     mean: Array
     slope: Array
 
@@ -105,7 +104,7 @@ class Average(NamedTuple):
         return np.asarray(reached[0] - reached[1])
 
 
-def windows_in(times: Array, half: float, valid: NDArray[np.bool_], margin: float) -> Windows:
+def windows_in(times: Array, half: float, valid: Flags, margin: float) -> Windows:
     """
     Return half-overlapping windows in which all samples are valid.
 

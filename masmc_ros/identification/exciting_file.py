@@ -11,12 +11,7 @@ from typing import NamedTuple
 
 from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError
-from masmc_ros.identification.excitation import (
-    exciting_series,
-    limits_of,
-    PERIOD,
-    positions_of,
-)
+from masmc_ros.identification.excitation import exciting_series, limits_of, PERIOD, positions_of
 from masmc_ros.identification.parameter_file import nominal_of, of_its_kind, write_parameters
 from masmc_ros.law.parts.joint_limits import TORQUE_LIMIT as CONTROLLER_TORQUE_LIMIT
 from masmc_ros.loop.plant_parameters import INITIAL_JOINTS, INITIAL_POSE, TORQUE_LIMIT

@@ -22,7 +22,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from masmc_ros.aliases import Array
+from masmc_ros.aliases import Array, Flags
 from masmc_ros.errors import InputError
 from masmc_ros.identification.averaging_windows import (
     average_of_held,
@@ -42,7 +42,6 @@ from masmc_ros.identification.regressor import (
 from masmc_ros.identification.samples import Samples
 from masmc_ros.robot.robot import Robot
 import numpy as np
-from numpy.typing import NDArray
 
 _ROUNDS = 2
 """Number of iterations of the weights of the joints."""
@@ -136,7 +135,7 @@ class Identified:
     nominal: Array
     values: Array
     errors: Array
-    is_excited: NDArray[np.bool_]
+    is_excited: Flags
     timing: LatencyFit
     residual: Array
     nominal_residual: Array

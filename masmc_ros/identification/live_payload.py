@@ -25,7 +25,7 @@ from collections import deque
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from masmc_ros.aliases import Array
+from masmc_ros.aliases import Array, Flags
 from masmc_ros.identification.averaging_windows import (
     Average,
     average_of_held,
@@ -37,7 +37,6 @@ from masmc_ros.identification.payload import EXPECTED_MOMENTS, Load, load_of
 from masmc_ros.identification.regressor import averaged, COULOMB_SHARE
 from masmc_ros.robot.robot import Robot
 import numpy as np
-from numpy.typing import NDArray
 
 BLOCK = 1.0
 """Shortest length of a block in s."""
@@ -166,7 +165,7 @@ class PayloadEstimator:
         robot: Robot,
         theta: Array,
         friction: Array,
-        has_torque: NDArray[np.bool_],
+        has_torque: Flags,
         span: float,
     ) -> None:
         """

@@ -21,7 +21,6 @@ from masmc_ros.robot import mechanism
 from masmc_ros.robot.robot import Robot
 from masmc_ros.robot.tree.friction import sliding
 import numpy as np
-from numpy.typing import NDArray
 
 _BODY = (
     Field('geometry', 'lengths', 'Lengths of the robot', 'm'),
@@ -56,7 +55,7 @@ class Equations(NamedTuple):
     known: Array
 
 
-def record_of(robot: Robot, theta: Array) -> NDArray[np.void]:
+def record_of(robot: Robot, theta: Array) -> Records:
     """Return an array of one record with a robot and its inertial parameters (q), for kernels."""
     body = new_record(_BODY, robot.mechanism.sizes, 1, {'mechanism': robot.mechanism.tag})
     fill(body, 'geometry', robot.geometry)

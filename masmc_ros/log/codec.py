@@ -24,6 +24,7 @@ import zlib
 
 import lz4.frame
 from masmc_ros import __version__
+from masmc_ros.aliases import AnyArray, Bytes, Indices, Integers, Records
 from masmc_ros.errors import InputError
 from mcap import records as mcap
 from mcap.data_stream import RecordBuilder
@@ -33,7 +34,6 @@ from mcap.stream_reader import StreamReader
 from mcap.summary import Summary
 from mcap.well_known import Profile
 import numpy as np
-from numpy.typing import NDArray
 import zstandard
 
 Data = mmap.mmap | bytes
@@ -225,8 +225,8 @@ class ChannelRows(NamedTuple):
     """
 
     channel: int
-    times: NDArray[np.int64]
-    rows: NDArray[np.generic]
+    times: Integers
+    rows: AnyArray
 
 
 class MessageRecords(NamedTuple):
@@ -246,11 +246,11 @@ class MessageRecords(NamedTuple):
 
     """
 
-    content: NDArray[np.uint8]
-    starts: NDArray[np.intp]
-    ends: NDArray[np.intp]
-    channels: NDArray[np.intp]
-    times: NDArray[np.int64]
+    content: Bytes
+    starts: Indices
+    ends: Indices
+    channels: Indices
+    times: Integers
 
 
 def merged_records(sources: Sequence[ChannelRows]) -> MessageRecords:
@@ -291,8 +291,8 @@ def arrived_records(messages: Sequence[Message]) -> MessageRecords:
 
 
 def _heads(
-    channels: NDArray[np.intp] | int, times: NDArray[np.int64], sizes: NDArray[np.intp] | int
-) -> NDArray[np.void]:
+    channels: Indices | int, times: Integers, sizes: Indices | int
+) -> Records:
     """Return the heads of messages of such sizes in bytes, at times (N) in ns."""
     heads = np.zeros(len(times), _HEAD)
     heads['opcode'] = Opcode.MESSAGE
@@ -303,7 +303,7 @@ def _heads(
 
 
 def _lay_out(
-    source: ChannelRows, content: NDArray[np.uint8], starts: NDArray[np.intp]
+    source: ChannelRows, content: Bytes, starts: Indices
 ) -> None:
     """Copy the records of a channel to their places in the content."""
     count = len(source.rows)

@@ -12,9 +12,10 @@ from pathlib import Path
 import struct
 from typing import Any, NamedTuple, TYPE_CHECKING
 
+from masmc_ros.aliases import Bytes, Flags, Records, Stamps
 from masmc_ros.errors import InputError, suggestion
 import numpy as np
-from numpy.typing import ArrayLike, DTypeLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -116,7 +117,7 @@ STAMP = struct.Struct('<iI')
 TIME = np.dtype([('sec', '<i4'), ('nanosec', '<u4')], align=True)
 """builtin_interfaces/Time as a field of many messages."""
 
-Messages = NDArray[np.void]
+Messages = Records
 """Messages (N) as records of a layout's dtype."""
 
 _Path = tuple[str, ...]
@@ -258,7 +259,7 @@ class Layout:
             self._fields.append((f'_{len(self._fields)}', f'V{gap}'))
 
     @cached_property
-    def forms(self) -> NDArray[np.uint8]:
+    def forms(self) -> Bytes:
         """
         Return (3, size): the template, the mask of constant bytes and that of variable bytes.
 
@@ -295,7 +296,7 @@ class Layout:
                 field[:] = values
         return messages
 
-    def read(self, raws: Sequence[bytes]) -> tuple[NDArray[np.bool_], Messages]:
+    def read(self, raws: Sequence[bytes]) -> tuple[Flags, Messages]:
         """
         Read many messages of the right size.
 
@@ -317,6 +318,6 @@ class Layout:
         return matches, np.frombuffer(joined, self.dtype)
 
 
-def stamps_of(times: Messages) -> NDArray[np.int64]:
+def stamps_of(times: Messages) -> Stamps:
     """Return stamps (N) in ns of a field of times (N)."""
     return np.asarray(times['sec'].astype(np.int64) * NANOSECONDS + times['nanosec'])

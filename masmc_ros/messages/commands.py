@@ -16,6 +16,7 @@ from functools import cached_property
 import re
 from typing import NamedTuple
 
+from masmc_ros.aliases import Array, Bytes, Indices, Integers, Stamps
 from masmc_ros.errors import InputError
 from masmc_ros.messages import deserialised
 from masmc_ros.messages.cdr_layout import (
@@ -30,7 +31,7 @@ from masmc_ros.messages.cdr_layout import (
 from masmc_ros.messages.message import multi_array_layout
 from masmc_ros.messages.topics import DRIVEN_JOINTS, RATED_JOINTS
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 _DIMENSIONS = slice(HEADER_SIZE, HEADER_SIZE + 4)
 """Bytes of the number of dimensions; the size of the first label and the label follow."""
@@ -59,7 +60,7 @@ class CommandMessages(NamedTuple):
 
     """
 
-    indices: NDArray[np.intp]
+    indices: Indices
     messages: Messages
 
 
@@ -103,7 +104,7 @@ class CommandKind:
         return layout
 
     def messages(
-        self, stamps: NDArray[np.int64], numbers: ArrayLike, is_void: ArrayLike = False
+        self, stamps: Stamps, numbers: ArrayLike, is_void: ArrayLike = False
     ) -> list[CommandMessages]:
         """
         Return many commands, grouped by the number of digits of the seconds.
@@ -185,13 +186,13 @@ class CommandKind:
         return checked_stamp(int(match[1]) * NANOSECONDS + int(match[2]))
 
 
-def _digits(numbers: NDArray[np.int64], count: int) -> NDArray[np.uint8]:
+def _digits(numbers: Integers, count: int) -> Bytes:
     """Return the decimal digits (N, count) of numbers (N)."""
     powers = 10 ** np.arange(count - 1, -1, -1)
     return (numbers[:, None] // powers % 10 + ord('0')).astype(np.uint8)
 
 
-def _places(layout: Layout) -> NDArray[np.int64]:
+def _places(layout: Layout) -> Integers:
     """Return the bytes at which the stamp starts and ends, the numbers and `data_offset` start."""
     characters, data = layout.places['layout_dim_0_label'], layout.places['data']
     offset = layout.places['layout_data_offset']
@@ -207,7 +208,7 @@ class CommandWriter:
     """Writer of the commands whose numbers are in one array."""
 
     def __init__(
-        self, kind: CommandKind, numbers: NDArray[np.float64], *, is_void: bool = False
+        self, kind: CommandKind, numbers: Array, *, is_void: bool = False
     ) -> None:
         """
         Initialise the writer.

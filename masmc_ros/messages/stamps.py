@@ -9,6 +9,7 @@ from collections.abc import Callable
 from enum import Enum
 from functools import lru_cache
 
+from masmc_ros.aliases import Indices, Stamps
 from masmc_ros.errors import InputError
 from masmc_ros.loop.controller_parameters import STATE_TIMEOUT
 from masmc_ros.loop.timing import CONTROL_PERIOD
@@ -18,7 +19,6 @@ from masmc_ros.messages.telemetry import telemetry_count, TelemetryCdr
 from masmc_ros.messages.topics import ARM_VELOCITY_TOPIC, COMMAND_TOPIC, TELEMETRY, telemetry_topic
 from masmc_ros.params.declaration import Values
 import numpy as np
-from numpy.typing import NDArray
 
 StampReader = Callable[[bytes], int | None]
 """Function that returns a stamp in ns, None for a message without one; InputError if invalid."""
@@ -108,7 +108,7 @@ def state_timeout(values: Values) -> float:
     return max(STATE_TIMEOUT.of(values), minimum)
 
 
-def in_time(stamps: NDArray[np.int64], gap_ns: int | None) -> NDArray[np.intp]:
+def in_time(stamps: Stamps, gap_ns: int | None) -> Indices:
     """
     Return the indices of the states that are not late.
 

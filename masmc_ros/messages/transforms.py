@@ -13,13 +13,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import cache
 
-from masmc_ros.aliases import Array
+from masmc_ros.aliases import Array, Stamps
 from masmc_ros.errors import InputError
 from masmc_ros.messages.cdr_layout import ENCAPSULATION, Layout, Messages, NANOSECONDS, STAMP
 from masmc_ros.messages.message import Message
 from masmc_ros.robot.mechanisms import DEFAULT
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 _COUNT = 4
 """Bytes of a count, and of the length before a string."""
@@ -47,8 +47,8 @@ def transforms_layout(frame_prefix: str = '', frames: Frames = DEFAULT.frames) -
 
 
 def transforms_messages(
-    stamps: NDArray[np.int64],
-    transforms: NDArray[np.float64],
+    stamps: Stamps,
+    transforms: Array,
     frame_prefix: str = '',
     frames: Frames = DEFAULT.frames,
 ) -> Messages:
@@ -88,7 +88,7 @@ class TransformsCdr(Message):
         numbers = np.array([[place.start] for place in places[1::2]])
         self._numbers = (numbers + self._lead) // 8 + np.arange(TRANSFORM)
 
-    def fill(self, stamp_ns: int, transforms: NDArray[np.float64]) -> bytes:
+    def fill(self, stamp_ns: int, transforms: Array) -> bytes:
         """Write the stamp and transforms (frames, TRANSFORM); return the serialised message."""
         stamp = STAMP.pack(*divmod(stamp_ns, NANOSECONDS))
         for place in self._stamps:
@@ -104,7 +104,7 @@ def first_frames(raw: bytes) -> tuple[str, str]:
     return parent, child
 
 
-def transforms_of(raw: bytes) -> Iterator[tuple[str, str, NDArray[np.float64]]]:
+def transforms_of(raw: bytes) -> Iterator[tuple[str, str, Array]]:
     """
     Yield parent, child and numbers (TRANSFORM) of the transforms of a TFMessage of any sender.
 

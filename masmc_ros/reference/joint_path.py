@@ -24,14 +24,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from masmc_ros.aliases import Array
+from masmc_ros.aliases import Array, Indices
 from masmc_ros.errors import InputError
 from masmc_ros.reference.minimum_jerk import sample_knots, smooth_knots, stopped
 from masmc_ros.reference.rotations import all_continued, continued_near
 from masmc_ros.robot.declaration import Coordinate, Mechanism
 from masmc_ros.robot.robot import Robot
 import numpy as np
-from numpy.typing import NDArray
 
 _PER_SEGMENT = 10
 """Number of places between two points at which limits are checked."""
@@ -64,7 +63,7 @@ class JointPoints:
 
     """
 
-    columns: NDArray[np.intp]
+    columns: Indices
     times: Array
     positions: Array
     velocities: Array | None = None

@@ -8,13 +8,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import ClassVar, Protocol
 
-from masmc_ros.aliases import Array
+from masmc_ros.aliases import Array, Integers
 from masmc_ros.errors import InputError
 from masmc_ros.params.declaration import Parameter, Values
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.robot import Robot
 import numpy as np
-from numpy.typing import NDArray
 
 Declared = tuple[Parameter, ...] | Callable[[Mechanism], tuple[Parameter, ...]]
 """Declarations of a trajectory type: parameters, or a function of the mechanism."""
@@ -35,7 +34,7 @@ class Reference(Protocol):
     def __init__(self, values: Values) -> None:
         """Initialise from checked values, with names without the prefix of the type."""
 
-    def sample(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
+    def sample(self, times: Array) -> Array:
         """Return (n, 3 axes) samples at times (n) in s: positions, velocities, accelerations."""
         ...
 
@@ -69,7 +68,7 @@ class SampledTrajectory:
 
     note = ''
 
-    def __init__(self, ticks: NDArray[np.int64], samples: Array) -> None:
+    def __init__(self, ticks: Integers, samples: Array) -> None:
         """
         Initialise the trajectory.
 
@@ -87,11 +86,11 @@ class SampledTrajectory:
         """Return (count, 3 axes) samples at ticks first, ...; InputError if one is missing."""
         return self._at(np.arange(first, first + count))
 
-    def positions(self, ticks: NDArray[np.int64]) -> Array:
+    def positions(self, ticks: Integers) -> Array:
         """Return the task coordinates (n, axes) at ticks (n); InputError if one is missing."""
         return self._at(ticks)[:, :self._samples.shape[1] // 3]
 
-    def _at(self, ticks: NDArray[np.int64]) -> Array:
+    def _at(self, ticks: Integers) -> Array:
         rows = np.minimum(np.searchsorted(self._ticks, ticks), len(self._ticks) - 1)
         missing = (self._ticks[rows] != ticks) | np.isnan(self._samples[rows]).any(axis=1)
         if missing.any():

@@ -8,13 +8,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from masmc_ros.cli.arguments import (
-    add_file,
-    add_json,
-    add_overwrite,
-    add_seed,
-    add_settings,
-)
+from masmc_ros.cli.arguments import add_file, add_json, add_overwrite, add_seed, add_settings
 from masmc_ros.cli.urdf_choices import print_choices
 from masmc_ros.errors import InputError
 from masmc_ros.output_files import check_absent

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from masmc_ros.aliases import Array, Stamps
+from masmc_ros.aliases import Array, Bytes, Flags, Integers, Stamps
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.contents import NO_TIME, Topic
 from masmc_ros.messages import deserialised
@@ -31,7 +31,6 @@ from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.messages.telemetry import STAMP_NUMBERS, telemetry_layout, TelemetryCdr
 from masmc_ros.messages.topics import JOINTS
 import numpy as np
-from numpy.typing import NDArray
 
 _STAMP_LIMITS = (END_OF_TIME / NANOSECONDS, NANOSECONDS)
 """Upper limits of the seconds and nanoseconds of a stamp."""
@@ -57,8 +56,8 @@ class Series:
 
     stamps: Stamps
     values: Array
-    orders: NDArray[np.int64] | None = None
-    is_void: NDArray[np.bool_] | None = None
+    orders: Integers | None = None
+    is_void: Flags | None = None
 
     def __len__(self) -> int:
         """Return the number of stamps."""
@@ -94,7 +93,7 @@ class MessageFormat:
 
     width: int
     layout: Layout | Callable[[bytes], Layout | None]
-    bulk: Callable[[Messages], tuple[Stamps, Array, NDArray[np.bool_] | bool]]
+    bulk: Callable[[Messages], tuple[Stamps, Array, Flags | bool]]
     single: Callable[[Any, int], tuple[int, Array]]
     marks_void: bool = False
 
@@ -230,7 +229,7 @@ def commands(kind: CommandKind) -> MessageFormat:
     def layout(raw: bytes) -> Layout | None:
         return kind.layout_of(raw)
 
-    def bulk(messages: Messages) -> tuple[Stamps, Array, NDArray[np.bool_]]:
+    def bulk(messages: Messages) -> tuple[Stamps, Array, Flags]:
         stamps, has_digits = _label_stamps(messages['layout_dim_0_label'])
         is_void = messages['layout_data_offset'] == joints
         return stamps, np.column_stack([messages['data'], is_void]), has_digits
@@ -243,7 +242,7 @@ def commands(kind: CommandKind) -> MessageFormat:
     return MessageFormat(joints + 1, layout, bulk, single, marks_void=True)
 
 
-def _label_stamps(characters: NDArray[np.uint8]) -> tuple[Stamps, NDArray[np.bool_]]:
+def _label_stamps(characters: Bytes) -> tuple[Stamps, Flags]:
     """Return the stamps in ns in labels, and which labels have nine digits of nanoseconds."""
     point = characters.shape[1] - NANOSECOND_DIGITS - 1
     if point <= 0:
@@ -257,7 +256,7 @@ def telemetry(label: str, count: int) -> MessageFormat:
     """Return the format of telemetry: `count` values called `label`."""
     message, layout = TelemetryCdr(label, count), telemetry_layout(label, count)
 
-    def bulk(messages: Messages) -> tuple[Stamps, Array, NDArray[np.bool_]]:
+    def bulk(messages: Messages) -> tuple[Stamps, Array, Flags]:
         head, values = np.split(messages['data'], [STAMP_NUMBERS], axis=1)
         # False for NaN, too.
         usable = np.all((head >= 0.0) & (head < _STAMP_LIMITS), axis=1, keepdims=True)

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from typing import cast, NamedTuple
 
-from masmc_ros.aliases import Array, Stamps
+from masmc_ros.aliases import Array, Flags, Indices, Integers, Stamps
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.contents import LogContents, NO_TIME, Topic
 from masmc_ros.log.read.decode import Series
@@ -23,7 +23,7 @@ from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.messages.topics import DERIVATIVES, TASK_AXES
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 _TOLERANCE = 1
 """Stamps that differ by this many ns are the same time, rounded in two ways."""
@@ -86,7 +86,7 @@ def resets(stamps: Stamps) -> list[int]:
     return places
 
 
-def last_pass_in_order(stamps: Stamps) -> NDArray[np.intp]:
+def last_pass_in_order(stamps: Stamps) -> Indices:
     """
     Return the places of the valid `stamps` (n), as `last_pass`, in the order of time.
 
@@ -97,11 +97,11 @@ def last_pass_in_order(stamps: Stamps) -> NDArray[np.intp]:
     starts = np.zeros(len(stamps), np.int64)
     starts[resets(stamps)] = 1
     order = np.lexsort((stamps, np.cumsum(starts)))
-    places: NDArray[np.intp] = order[last_pass(stamps[order])]
+    places: Indices = order[last_pass(stamps[order])]
     return places
 
 
-def last_pass(stamps: Stamps) -> NDArray[np.intp]:
+def last_pass(stamps: Stamps) -> Indices:
     """
     Return the places of those `stamps` (n), in the order of arrival, that are valid at the end.
 
@@ -158,12 +158,12 @@ class PassStart:
         distances = ticks + np.abs(self._orders - order)
         return bool(distances[self._first:].min() < distances[:self._first].min())
 
-    def kept(self, orders: NDArray[np.int64], stamps: Stamps) -> NDArray[np.intp]:
+    def kept(self, orders: Integers, stamps: Stamps) -> Indices:
         """Return the indices of the records (n) of a topic that are valid and of its last pass."""
         valid = np.flatnonzero(self.are_valid(orders, stamps))
         return valid[last_pass_in_order(stamps[valid])]
 
-    def are_valid(self, orders: NDArray[np.int64], stamps: Stamps) -> NDArray[np.bool_]:
+    def are_valid(self, orders: Integers, stamps: Stamps) -> Flags:
         """
         Return which records (n) of a topic the reset did not make void.
 
@@ -392,7 +392,7 @@ def align_log_times(contents: LogContents, states: Topic, decoded: Series) -> li
 
 
 def _robot_times(
-    log_times: Sequence[int], logged: NDArray[np.int64], stamps: Stamps
+    log_times: Sequence[int], logged: Integers, stamps: Stamps
 ) -> list[int]:
     """Interpolate log times; outside of the states, the offset is that of the next state."""
     times = np.array(log_times, np.int64)

@@ -18,14 +18,7 @@ import threading
 import time
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.bag import (
-    METADATA_FILE,
-    Part,
-    Qos,
-    RecordedTopic,
-    REPEATED,
-    write_bag_metadata,
-)
+from masmc_ros.log.bag import METADATA_FILE, Part, Qos, RecordedTopic, REPEATED, write_bag_metadata
 from masmc_ros.log.codec import arrived_records, Message, MessageRecords
 from masmc_ros.log.write.writer import LogWriter
 from masmc_ros.messages.cdr_layout import Definition

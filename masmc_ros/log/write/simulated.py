@@ -10,6 +10,7 @@ from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
+from masmc_ros.aliases import Bytes, Indices, Integers, Stamps
 from masmc_ros.law.command_interface import ENABLE_STAMPED_CMD_VEL
 from masmc_ros.log.bag import Qos
 from masmc_ros.log.codec import ChannelRows
@@ -35,9 +36,8 @@ from masmc_ros.messages.transforms import transforms_messages
 from masmc_ros.robot.joint_names import check_frame_prefix, FRAME_PREFIX, joint_names
 from masmc_ros.robot.robot import robot_description, robot_of
 import numpy as np
-from numpy.typing import NDArray
 
-_Rows = tuple[str, NDArray[np.int64], Messages | NDArray[np.uint8]]
+_Rows = tuple[str, Integers, Messages | Bytes]
 """Topic, stamps (n) in ns, and its messages at these times."""
 
 
@@ -45,8 +45,8 @@ class _Block(NamedTuple):
     """Consecutive ticks: their signals, numbers (n), and stamps (n) in ns."""
 
     tick_block: TickBlock
-    ticks: NDArray[np.int64]
-    stamps: NDArray[np.int64]
+    ticks: Integers
+    stamps: Stamps
 
 
 class SimulationLog:
@@ -268,7 +268,7 @@ class SimulationLog:
                 if raw is not None:
                     yield topics.ACTUAL_PATH_TOPIC, block.stamps[row:row + 1], _one_row(raw)
 
-    def _rows(self, block: _Block, topic: str) -> NDArray[np.intp]:
+    def _rows(self, block: _Block, topic: str) -> Indices:
         """Return the ticks of a decimated topic of the plant: multiples, and the last one."""
         decimation = self._scenario.plant[f'{topic}_decimation']
         if not decimation:
@@ -286,6 +286,6 @@ class SimulationLog:
             yield topics.REFERENCE_TOPIC, stamps[first:first + 1], _one_row(raw)
 
 
-def _one_row(message: bytes) -> NDArray[np.uint8]:
+def _one_row(message: bytes) -> Bytes:
     """Return a message as the only row (1, size) of an array."""
     return np.frombuffer(message, dtype=np.uint8)[None]

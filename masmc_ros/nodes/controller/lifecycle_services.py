@@ -14,12 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from lifecycle_msgs.msg import State, Transition, TransitionDescription, TransitionEvent
-from lifecycle_msgs.srv import (
-    ChangeState,
-    GetAvailableStates,
-    GetAvailableTransitions,
-    GetState,
-)
+from lifecycle_msgs.srv import ChangeState, GetAvailableStates, GetAvailableTransitions, GetState
 from masmc_ros.control import supervisor
 from masmc_ros.control.supervisor import LifecycleState, STATES, TRANSITIONS, transitions_from
 from rclpy.node import Node

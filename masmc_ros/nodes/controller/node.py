@@ -13,6 +13,7 @@ from typing import Any, TYPE_CHECKING, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.msg import TransitionEvent
+from masmc_ros.aliases import Array
 from masmc_ros.control.actions import (
     Actions,
     Command,
@@ -84,7 +85,6 @@ from masmc_ros.robot.joint_names import driven_joint_names
 from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.robot.robot import robot_of
 import numpy as np
-from numpy.typing import NDArray
 from rclpy.context import Context
 from rclpy.impl.rcutils_logger import RcutilsLogger
 from std_msgs.msg import String
@@ -287,7 +287,7 @@ class ControllerNode(SuiteNode):
     # Events.
 
     def _on_state(
-        self, stamp: int, position: NDArray[np.float64], velocity: NDArray[np.float64]
+        self, stamp: int, position: Array, velocity: Array
     ) -> None:
         self._perform(self._core.on_state(stamp, position, velocity, time.monotonic()))
 

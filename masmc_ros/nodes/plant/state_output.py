@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from geometry_msgs.msg import Twist
+from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError
 from masmc_ros.jit.compiled import bound
 from masmc_ros.log.traced_paths import ActualPath
@@ -35,7 +36,6 @@ from masmc_ros.robot.joint_names import check_frame_prefix, FRAME_PREFIX, joint_
 from masmc_ros.robot.robot import robot_description, robot_of
 from nav_msgs.msg import Odometry, Path
 import numpy as np
-from numpy.typing import NDArray
 from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -80,7 +80,7 @@ class RobotDisplay:
         description = node.latched(String, DESCRIPTION_TOPIC)
         description.publish(self._description)
 
-    def show(self, tick: int, position: NDArray[np.float64]) -> None:
+    def show(self, tick: int, position: Array) -> None:
         """Publish frames and path if they are due; `position` is in the order of joint_states."""
         if self._transforms is not None and (
             tick % self._decimation == 0 or tick == self._timing.last

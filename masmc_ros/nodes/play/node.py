@@ -45,15 +45,7 @@ from masmc_ros.nodes.play.described import (
     shown_robot,
     ShownRobot,
 )
-from masmc_ros.nodes.play.page import (
-    change_text,
-    CHANGES,
-    MOST,
-    MOST_POINTS,
-    Page,
-    RATE,
-    SLOW,
-)
+from masmc_ros.nodes.play.page import change_text, CHANGES, MOST, MOST_POINTS, Page, RATE, SLOW
 from masmc_ros.nodes.play.plots import Plots
 from masmc_ros.nodes.play.report_button import ReportButton
 from masmc_ros.nodes.play.samples import Sampler, SampleWindow, TimeSpeed

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 import math
 from typing import NamedTuple
 
-from masmc_ros.aliases import AnyArray, Array
+from masmc_ros.aliases import AnyArray, Array, Flags
 from masmc_ros.report.draw.style import (
     BLACK,
     BLUE,
@@ -24,7 +24,6 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 import numpy as np
-from numpy.typing import NDArray
 
 _HEIGHT = 66.0
 _LABELS = 6
@@ -86,7 +85,7 @@ def map_figure(axes: Sequence[MapAxis], values: Array, label: str) -> Figure:
 
 
 def draws_figure(
-    drawn: Mapping[str, AnyArray], values: Array, lost: NDArray[np.bool_], label: str
+    drawn: Mapping[str, AnyArray], values: Array, lost: Flags, label: str
 ) -> Figure:
     """
     Draw a metric over the values of each draw; lost runs are marks at the upper edge.

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from masmc_ros.aliases import Array
+from masmc_ros.aliases import Array, Bytes
 from masmc_ros.log.read.reader import Run
 from masmc_ros.report.draw.style import (
     BLACK,
@@ -35,7 +35,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 import numpy as np
-from numpy.typing import NDArray
 
 _AREAS = {'body': (GREY, 0.35), 'part': (BLACK, 1.0)}
 """Colour and opacity of areas by their kind."""
@@ -105,7 +104,7 @@ def path_figure(run: Run, tracked: Tracking, label: str) -> Figure | None:
     return figure
 
 
-def frame(robot: Robot, position: Array, desired: Array, actual: Array) -> NDArray[np.uint8]:
+def frame(robot: Robot, position: Array, desired: Array, actual: Array) -> Bytes:
     """
     Return a picture (height, width, 3) of a robot in the plane with its paths, in RGB.
 

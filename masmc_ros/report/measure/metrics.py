@@ -19,7 +19,7 @@ from functools import cache
 import math
 from typing import Any, NamedTuple
 
-from masmc_ros.aliases import Array
+from masmc_ros.aliases import Array, Flags
 from masmc_ros.control.supervisor import Mode
 from masmc_ros.log.read.reader import Run
 from masmc_ros.loop.controller_events import ACTIVATED, DEACTIVATED, GUIDED, RESUMED
@@ -30,7 +30,6 @@ from masmc_ros.report.measure.parameters import ParameterChange, run_changes
 from masmc_ros.report.measure.tracking import settling_time, Tracking, tracking
 from masmc_ros.robot.declaration import Coordinate, listed, Point
 import numpy as np
-from numpy.typing import NDArray
 
 _AMPLITUDE = 0.05
 """Part of the limit from which a change counts."""
@@ -176,7 +175,7 @@ class MetricSamples:
         period: float,
         points: Sequence[Point],
         *,
-        active: NDArray[np.bool_] | slice = slice(None),
+        active: Flags | slice = slice(None),
         estimate: Array | None = None,
     ) -> MetricSamples:
         """
@@ -234,7 +233,7 @@ class MetricSamples:
         lost = float(missing[missing > period].sum())
         return ErrorSpan(float(times[0]), float(times[-1]), 1.0 - lost / max(end - start, period))
 
-    def _within(self, times: Array) -> NDArray[np.bool_]:
+    def _within(self, times: Array) -> Flags:
         start, end = self.window
         return (start <= times) & (times < end)
 

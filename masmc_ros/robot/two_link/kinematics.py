@@ -20,7 +20,6 @@ from masmc_ros.jit.scratch import clear
 from masmc_ros.numerics.portable_math import sin_cos
 from masmc_ros.robot.two_link.geometry import Geometry, Positions, Posture, Quad
 import numpy as np
-from numpy.typing import NDArray
 
 SINGULAR_SINE = 0.02
 """Largest |sin(theta_2)| of a singular arm."""
@@ -145,7 +144,7 @@ def task_from_forces(model: Geometry, posture: Posture, forces: Quad) -> Quad:
 @kernel
 def base_motion(
     position: Array, velocity: Array
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Array, Array]:
     """
     Return poses (n, 7) and twists (n, 6) of states, positions and velocities (n, 7).
 
