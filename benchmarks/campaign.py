@@ -27,8 +27,7 @@ from benchmarks.measure import compared, Measure
 from masmc_ros.campaign.campaign import Campaign, campaign_of
 from masmc_ros.campaign.draws import draw
 from masmc_ros.campaign.engine import carry_out, part_size
-from masmc_ros.campaign.part import evaluated, rows, rows_of_text
-from masmc_ros.campaign.runs import LANES
+from masmc_ros.campaign.runs import evaluated, LANES, rows, rows_of_text
 from masmc_ros.share import scenario_file
 
 

@@ -14,7 +14,7 @@ from masmc_ros.api.scenario import load, Scenario, whole
 from masmc_ros.campaign.campaign import Campaign, campaign_of
 from masmc_ros.campaign.draws import draw as parsed_draw
 from masmc_ros.campaign.engine import carry_out
-from masmc_ros.campaign.part import CPU, OpenDevice
+from masmc_ros.campaign.runs import CPU, OpenDevice
 from masmc_ros.campaign.variable import axis
 from masmc_ros.compare.contenders import Controller
 from masmc_ros.compare.law_comparison import comparison_of

@@ -12,7 +12,7 @@ from pathlib import Path
 from masmc_ros.api.scenario import load, Scenario, whole
 from masmc_ros.campaign.campaign import campaign_of
 from masmc_ros.campaign.draws import draw as parsed_draw
-from masmc_ros.campaign.part import CPU
+from masmc_ros.campaign.runs import CPU
 from masmc_ros.campaign.summary import metric_named
 from masmc_ros.campaign.tune import (
     BaseFile,

@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from masmc_ros.campaign.campaign import Campaign
-from masmc_ros.campaign.part import OpenDevice, Part, Rows, rows_in_threads
-from masmc_ros.campaign.runs import Description
+from masmc_ros.campaign.runs import Description, OpenDevice, Part, Rows, rows_in_threads
 from masmc_ros.child_process import processors
 from masmc_ros.errors import InputError
 from masmc_ros.output_files import check_folder

@@ -24,8 +24,7 @@ from typing import Any, NamedTuple
 
 from masmc_ros.aliases import Array
 from masmc_ros.campaign.campaign import Campaign
-from masmc_ros.campaign.part import Device, evaluated
-from masmc_ros.campaign.runs import LANES, Run
+from masmc_ros.campaign.runs import Device, evaluated, LANES, Run
 from masmc_ros.campaign.variable import check_distinct, Variable, with_variables
 from masmc_ros.errors import InputError
 from masmc_ros.loop.scenario import Scenario

@@ -13,7 +13,7 @@ import sys
 from masmc_ros.campaign.campaign import campaign_of
 from masmc_ros.campaign.draws import draw
 from masmc_ros.campaign.engine import carry_out
-from masmc_ros.campaign.part import CPU
+from masmc_ros.campaign.runs import CPU
 from masmc_ros.campaign.summary import (
     grid_lines,
     label,

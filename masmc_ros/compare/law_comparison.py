@@ -12,8 +12,14 @@ from functools import cached_property
 import json
 
 from masmc_ros.campaign.engine import computed
-from masmc_ros.campaign.part import Rows
-from masmc_ros.campaign.runs import checked_scenario, Description, Run, scenario_of, WORTH_LANES
+from masmc_ros.campaign.runs import (
+    checked_scenario,
+    Description,
+    Rows,
+    Run,
+    scenario_of,
+    WORTH_LANES,
+)
 from masmc_ros.campaign.variable import Variable, with_variables
 from masmc_ros.compare.contenders import Contender, contenders, Controller, enter, marked
 from masmc_ros.compare.trials import drawn_robot, sets_observer, Trial, trials_named

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 import math
 
-from masmc_ros.campaign.part import Rows
+from masmc_ros.campaign.runs import Rows
 from masmc_ros.compare.contenders import Contender, summary_of
 from masmc_ros.compare.law_comparison import Comparison, compute
 from masmc_ros.report.measure.metrics import declared, Metrics

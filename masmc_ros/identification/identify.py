@@ -24,20 +24,18 @@ from typing import NamedTuple
 
 from masmc_ros.aliases import Array, Flags
 from masmc_ros.errors import InputError
-from masmc_ros.identification.averaging_windows import (
-    average_of_held,
-    sample_weights,
-    Windows,
-    windows_in,
-)
 from masmc_ros.identification.consistent_parameters import nearest_consistent, Scale, scaled
 from masmc_ros.identification.latency_fit import fit_timing, LARGEST, LatencyFit
 from masmc_ros.identification.regressor import (
+    average_of_held,
     averaged,
     COULOMB_SHARE,
     Equations,
     FRICTIONS,
     instantaneous,
+    sample_weights,
+    Windows,
+    windows_in,
 )
 from masmc_ros.identification.samples import Samples
 from masmc_ros.robot.robot import Robot

@@ -4,7 +4,7 @@
 """
 Payload of a running robot, estimated from its states and commanded torques.
 
-The equations of motion are averaged over windows (`averaging_windows`) and need no accelerations.
+The equations of motion are averaged over windows (`regressor`) and need no accelerations.
 The measured torques differ from those of the nominal robot. This difference is linear in
 
 - the mass, first and second moments of a load that is fixed to the last link (Atkeson, An and
@@ -26,15 +26,16 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from masmc_ros.aliases import Array, Flags
-from masmc_ros.identification.averaging_windows import (
+from masmc_ros.identification.latency_fit import Estimate, StateBuffer
+from masmc_ros.identification.payload import EXPECTED_MOMENTS, Load, load_of
+from masmc_ros.identification.regressor import (
     Average,
     average_of_held,
+    averaged,
+    COULOMB_SHARE,
     sample_weights,
     windows_in,
 )
-from masmc_ros.identification.latency_fit import Estimate, StateBuffer
-from masmc_ros.identification.payload import EXPECTED_MOMENTS, Load, load_of
-from masmc_ros.identification.regressor import averaged, COULOMB_SHARE
 from masmc_ros.robot.robot import Robot
 import numpy as np
 

@@ -10,7 +10,7 @@ from functools import cached_property
 
 from masmc_ros.aliases import Array, Flags
 from masmc_ros.errors import InputError
-from masmc_ros.identification.averaging_windows import Average
+from masmc_ros.identification.regressor import Average
 from masmc_ros.log.read.reader import Run
 import numpy as np
 

@@ -21,7 +21,7 @@ from masmc_ros.campaign.campaign import Campaign, campaign_of
 from masmc_ros.campaign.dataset import arrays, Dataset
 from masmc_ros.campaign.draws import draw
 from masmc_ros.campaign.engine import carry_out
-from masmc_ros.campaign.part import evaluated, metric_columns, rows, rows_in_threads
+from masmc_ros.campaign.runs import evaluated, metric_columns, rows, rows_in_threads
 from masmc_ros.campaign.variable import axis
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError

@@ -25,7 +25,7 @@ from masmc_ros.campaign.campaign import campaign_of
 from masmc_ros.campaign.dataset import arrays, Dataset
 from masmc_ros.campaign.draws import draw
 from masmc_ros.campaign.engine import carry_out
-from masmc_ros.campaign.part import evaluated, rows, StoppedError
+from masmc_ros.campaign.runs import evaluated, rows, StoppedError
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
 from masmc_ros.loop.driven_robots import DrivenRobots

@@ -15,13 +15,12 @@ from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.nodes.play.controls import Controls
 from masmc_ros.nodes.play.described import shown_robot
-from masmc_ros.nodes.play.page import Page
+from masmc_ros.nodes.play.page import is_local, Page, PlayServer
 from masmc_ros.nodes.play.plots import Plots
 from masmc_ros.nodes.play.replay import Replay
 from masmc_ros.nodes.play.run_report import write_report_so_far
 from masmc_ros.nodes.play.samples import SampleWindow, TimeSpeed, WINDOW
 from masmc_ros.nodes.play.scene import RobotScene
-from masmc_ros.nodes.play.server import is_local, PlayServer
 from masmc_ros.params.presentation import gain_text, level_of, scaled, slider_range, SLIDERS
 from masmc_ros.report.panels import shown_parameters
 from masmc_ros.robot.mechanisms import mechanism_from

@@ -13,7 +13,7 @@ from helpers.log_contents import read_log
 from helpers.small_tree import hand_at_start, write_scenario
 import masmc_ros as masmc
 from masmc_ros.campaign.campaign import campaign_of
-from masmc_ros.campaign.part import rows
+from masmc_ros.campaign.runs import rows
 from masmc_ros.cli.main import main
 from masmc_ros.compare.ranking import Row
 from masmc_ros.log.read.reader import read_run, Run

@@ -126,9 +126,8 @@ def run(options: argparse.Namespace) -> int:
 def _replay(path: Path, options: argparse.Namespace) -> int:
     """Replay a log until interrupted."""
     # Imported here: the help does not need the server of the page.
-    from masmc_ros.nodes.play.page import Page
+    from masmc_ros.nodes.play.page import Page, PlayServer
     from masmc_ros.nodes.play.replay import Replay
-    from masmc_ros.nodes.play.server import PlayServer
 
     if options.output is not None:
         raise InputError(f'--output: {path} is a recording already; expected a parameter file')
@@ -218,7 +217,7 @@ def _announce(address: str, options: argparse.Namespace) -> None:
     print(f'page: {address}')
     port = int(address.rpartition(':')[2])
     # Imported here: the help does not need the server of the page.
-    from masmc_ros.nodes.play.server import is_local
+    from masmc_ros.nodes.play.page import is_local
 
     if not is_local(options.host) and not options.allow_commands:
         print(

@@ -18,8 +18,7 @@ import time
 
 from masmc_ros.errors import InputError
 from masmc_ros.loop.plant_parameters import PAYLOAD_MASS, PUSH, PUSH_DURATION, TORQUE_LIMIT
-from masmc_ros.nodes.play.page import show_value, text_block
-from masmc_ros.nodes.play.server import PlayServer
+from masmc_ros.nodes.play.page import PlayServer, show_value, text_block
 from masmc_ros.params.declaration import MutableValues, Parameter, Values
 from masmc_ros.params.presentation import (
     gain_text,

@@ -45,12 +45,21 @@ from masmc_ros.nodes.play.described import (
     shown_robot,
     ShownRobot,
 )
-from masmc_ros.nodes.play.page import change_text, CHANGES, MOST, MOST_POINTS, Page, RATE, SLOW
+from masmc_ros.nodes.play.page import (
+    change_text,
+    CHANGES,
+    is_local,
+    MOST,
+    MOST_POINTS,
+    Page,
+    PlayServer,
+    RATE,
+    SLOW,
+)
 from masmc_ros.nodes.play.plots import Plots
 from masmc_ros.nodes.play.report_button import ReportButton
 from masmc_ros.nodes.play.samples import Sampler, SampleWindow, TimeSpeed
 from masmc_ros.nodes.play.scene import path_of, RobotScene
-from masmc_ros.nodes.play.server import is_local, PlayServer
 from masmc_ros.nodes.process.base import SuiteNode
 from masmc_ros.nodes.process.command_line import CommandLine
 from masmc_ros.nodes.process.diagnostics import RejectedMessages, several_senders
