@@ -12,13 +12,12 @@ import warnings
 
 from masmc_ros.api.scenario import load, Scenario, whole
 from masmc_ros.campaign.campaign import Campaign, campaign_of
-from masmc_ros.campaign.draws import draw as parsed_draw
 from masmc_ros.campaign.engine import carry_out
 from masmc_ros.campaign.runs import CPU, OpenDevice
 from masmc_ros.campaign.variable import axis
+from masmc_ros.campaign.variable import draw as parsed_draw
 from masmc_ros.compare.contenders import Controller
-from masmc_ros.compare.law_comparison import comparison_of
-from masmc_ros.compare.ranking import compared
+from masmc_ros.compare.law_comparison import compared, comparison_of
 from masmc_ros.compare.tables import rows_of
 from masmc_ros.errors import InputError
 from masmc_ros.native.device import device_option

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from masmc_ros.errors import InputError
+from masmc_ros.files import scenario_file
 from masmc_ros.law import registry
 from masmc_ros.law.law import Law
 from masmc_ros.loop.scenario import Scenario
@@ -20,7 +21,6 @@ from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.robot.robot import Robot
 from masmc_ros.scenario.node_parameters import declared, shared
 from masmc_ros.scenario.scenario import load_scenario, source_of
-from masmc_ros.share import scenario_file
 import numpy as np
 
 if TYPE_CHECKING:

@@ -11,7 +11,6 @@ from pathlib import Path
 
 from masmc_ros.api.scenario import load, Scenario, whole
 from masmc_ros.campaign.campaign import campaign_of
-from masmc_ros.campaign.draws import draw as parsed_draw
 from masmc_ros.campaign.runs import CPU
 from masmc_ros.campaign.summary import metric_named
 from masmc_ros.campaign.tune import (
@@ -23,11 +22,12 @@ from masmc_ros.campaign.tune import (
     Tuning,
     variables_of,
 )
+from masmc_ros.campaign.variable import draw as parsed_draw
 from masmc_ros.campaign.variable import Variable
 from masmc_ros.child_process import processors
 from masmc_ros.errors import InputError
+from masmc_ros.files import write_file
 from masmc_ros.native.device import device_option
-from masmc_ros.output_files import write_file
 from masmc_ros.params.declaration import Values
 from masmc_ros.report.measure.table import Column
 import pyarrow as pa

@@ -14,7 +14,7 @@ from masmc_ros.campaign.campaign import Campaign
 from masmc_ros.campaign.runs import Description, OpenDevice, Part, Rows, rows_in_threads
 from masmc_ros.child_process import processors
 from masmc_ros.errors import InputError
-from masmc_ros.output_files import check_folder
+from masmc_ros.files import check_folder
 
 if TYPE_CHECKING:
     from masmc_ros.campaign.dataset import Dataset

@@ -26,8 +26,8 @@ from masmc_ros import __version__
 from masmc_ros.cli.arguments import Parser
 from masmc_ros.cli.commands.run import NODES, run_node
 from masmc_ros.errors import remedy, UserError
+from masmc_ros.files import scenarios
 from masmc_ros.nodes.process.ending import Ended, ended_by_signals, final
-from masmc_ros.share import scenarios
 
 COMMANDS = {
     'demo': "run the paper's experiment on real nodes and report it",

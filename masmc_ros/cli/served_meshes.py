@@ -17,21 +17,14 @@ import shutil
 from typing import BinaryIO, NamedTuple
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.codec import (
-    arrived_records,
-    MAGIC,
-    OpenChunk,
-    parsed,
-    RECORD_HEAD,
-    RecordStream,
-)
+from masmc_ros.log import codec
 from masmc_ros.messages.message import string_message, text_of
 from masmc_ros.messages.topics import DESCRIPTION_TOPIC
 from masmc_ros.robot.visuals import mesh_files
 from mcap.reader import make_reader
 from mcap.records import Footer, Message
 
-_DATA_END, _FOOTER = RECORD_HEAD.size + 4, RECORD_HEAD.size + 20
+_DATA_END, _FOOTER = codec.RECORD_HEAD.size + 4, codec.RECORD_HEAD.size + 20
 """Sizes in bytes of the records around the summary."""
 
 
@@ -87,8 +80,8 @@ def write_with_addresses(
         for quote in '"\'':
             text = text.replace(f'{quote}{name}{quote}', f'{quote}{address(file)}{quote}')
     with path.open('rb') as source, copy.open('wb') as target:
-        source.seek(-_FOOTER - len(MAGIC), os.SEEK_END)
-        footer = parsed(source.read(_FOOTER))
+        source.seek(-_FOOTER - len(codec.MAGIC), os.SEEK_END)
+        footer = codec.parsed(source.read(_FOOTER))
         assert isinstance(footer, Footer)
         end = footer.summary_start - _DATA_END
         source.seek(0)
@@ -99,8 +92,8 @@ def write_with_addresses(
         target.truncate()
         last = description.message
         message = last.channel_id, last.log_time + 1, string_message(text)
-        chunk = OpenChunk()
-        chunk.add_messages(arrived_records([message]), 0, 1, 0)
-        stream = RecordStream(target.write, end, summary)
+        chunk = codec.OpenChunk()
+        chunk.add_messages(codec.arrived_records([message]), 0, 1, 0)
+        stream = codec.RecordStream(target.write, end, summary)
         stream.add_chunk(chunk.close(), chunk.indexes)
         stream.finish()

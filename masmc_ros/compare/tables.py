@@ -12,7 +12,7 @@ from pathlib import Path
 import sys
 from textwrap import fill
 
-from masmc_ros.compare.ranking import COMPARED, LOST, Ranked, Row
+from masmc_ros.compare.law_comparison import COMPARED, LOST, Ranked, Row
 from masmc_ros.compare.trials import Trial
 from masmc_ros.report.measure.table import number
 from masmc_ros.report.measure.tracking import SMALL

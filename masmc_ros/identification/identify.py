@@ -24,19 +24,9 @@ from typing import NamedTuple
 
 from masmc_ros.aliases import Array, Flags
 from masmc_ros.errors import InputError
+from masmc_ros.identification import regressor
 from masmc_ros.identification.consistent_parameters import nearest_consistent, Scale, scaled
 from masmc_ros.identification.latency_fit import fit_timing, LARGEST, LatencyFit
-from masmc_ros.identification.regressor import (
-    average_of_held,
-    averaged,
-    COULOMB_SHARE,
-    Equations,
-    FRICTIONS,
-    instantaneous,
-    sample_weights,
-    Windows,
-    windows_in,
-)
 from masmc_ros.identification.samples import Samples
 from masmc_ros.robot.robot import Robot
 import numpy as np
@@ -84,15 +74,15 @@ class Measured:
 
     """
 
-    equations: Equations
-    windows: Windows
+    equations: regressor.Equations
+    windows: regressor.Windows
     samples: Samples
 
     def torque(self, latency: float, lag: float) -> Array:
         """Return the averages (W, n) of the acting torques for a latency and a motor lag in s."""
         times, commands = self.samples.command_times, self.samples.commands
         smoothing = self.samples.smoothing
-        return average_of_held(times, commands, self.windows, latency, lag, smoothing)
+        return regressor.average_of_held(times, commands, self.windows, latency, lag, smoothing)
 
     def predicted(self, parameters: Array) -> Array:
         """Return the averages (W, n) of the torques that parameters (p) explain."""
@@ -162,14 +152,15 @@ def measured(robot: Robot, samples: Samples, where: str = 'run') -> Measured:
 
     """
     half = samples.half
-    windows = windows_in(samples.times, half, samples.valid, LARGEST + half)
+    windows = regressor.windows_in(samples.times, half, samples.valid, LARGEST + half)
     if len(windows.centres) < _FEWEST_WINDOWS:
         raise InputError(
             f'{where}: {len(windows.centres)} parts of {2000.0 * half:g} ms without a gap in '
             f'states and commands; expected at least {_FEWEST_WINDOWS}'
         )
-    weights = sample_weights(samples.times, windows)
-    return Measured(averaged(robot, samples.position, samples.rates, weights), windows, samples)
+    weights = regressor.sample_weights(samples.times, windows)
+    equations = regressor.averaged(robot, samples.position, samples.rates, weights)
+    return Measured(equations, windows, samples)
 
 
 def identify(nominal: Nominal, run: Measured) -> Identified:
@@ -178,7 +169,7 @@ def identify(nominal: Nominal, run: Measured) -> Identified:
     size = np.sqrt(np.mean((torque - np.mean(torque, axis=0)) ** 2, axis=0))
     speed = np.sqrt(np.mean(run.samples.rates**2, axis=0)) + 1.0e-3
     size = np.maximum(size, 1.0e-6 * size.max() + 1.0e-9)
-    friction_scale = np.concatenate([size / speed, COULOMB_SHARE * size])
+    friction_scale = np.concatenate([size / speed, regressor.COULOMB_SHARE * size])
     friction_scale = np.maximum(friction_scale, nominal.friction)
     scale = scaled(nominal.robot, nominal.theta, nominal.friction, friction_scale)
     prior = scale.prior()
@@ -227,7 +218,7 @@ def _names(robot: Robot) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return names and units of all parameters."""
     names = [quantity.name for quantity in robot.mechanism.theta]
     units = [quantity.unit for quantity in robot.mechanism.theta]
-    for friction in FRICTIONS:
+    for friction in regressor.FRICTIONS:
         for joint in robot.mechanism.joints:
             names.append(f'{joint.name}_{friction}')
             per_speed = f'{joint.effort_unit}·s' if joint.unit != 'm' else 'N·s/m'
@@ -306,7 +297,7 @@ def base_parameters(robot: Robot, scale: Scale) -> Array:
     position = np.zeros((_STATES, len(mechanism.positions)))
     position[:, -joints:] = random.uniform(low, high, (_STATES, joints))
     rates, accelerations = random.uniform(-1.0, 1.0, (2, _STATES, joints))
-    matrix = instantaneous(robot, position, rates, accelerations).matrix
+    matrix = regressor.instantaneous(robot, position, rates, accelerations).matrix
     # All rows of a joint have the same unit, so each joint is scaled by its RMS torque.
     matrix = matrix / np.sqrt(np.mean((matrix @ scale.scale) ** 2, axis=(0, 2)))[:, None]
     _, values, rows = np.linalg.svd(

@@ -26,16 +26,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from masmc_ros.aliases import Array, Flags
+from masmc_ros.identification import regressor
 from masmc_ros.identification.latency_fit import Estimate, StateBuffer
 from masmc_ros.identification.payload import EXPECTED_MOMENTS, Load, load_of
-from masmc_ros.identification.regressor import (
-    Average,
-    average_of_held,
-    averaged,
-    COULOMB_SHARE,
-    sample_weights,
-    windows_in,
-)
 from masmc_ros.robot.robot import Robot
 import numpy as np
 
@@ -231,15 +224,16 @@ class PayloadEstimator:
             rates = (angles[2:] - angles[:-2]) / (times[2:] - times[:-2])[:, None]
             times, position = times[1:-1], position[1:-1]
             # These differences are averages of the rates, so torques are averaged in the same way.
-            smoothing = Average(np.full(2, 0.5 / spacing), spacing)
+            smoothing = regressor.Average(np.full(2, 0.5 / spacing), spacing)
         valid = np.ones(len(times) - 1, np.bool_)
         margin = latency + _LATENCY_ERROR + spacing
-        windows = windows_in(times, _HALF_PERIODS * spacing, valid, margin)
+        windows = regressor.windows_in(times, _HALF_PERIODS * spacing, valid, margin)
         if not len(windows.centres):
             return
-        equations = averaged(self._robot, position, rates, sample_weights(times, windows))
+        weights = regressor.sample_weights(times, windows)
+        equations = regressor.averaged(self._robot, position, rates, weights)
         torques = np.hstack([
-            average_of_held(block.times, block.torque, windows, delay, 0.0, smoothing)
+            regressor.average_of_held(block.times, block.torque, windows, delay, 0.0, smoothing)
             for delay in (latency, latency + _LATENCY_ERROR)
         ])
         acting, later = np.split(torques, 2, axis=1)
@@ -343,7 +337,7 @@ def _estimate(blocks: Array, count: int, tip: tuple[Array, Array]) -> PayloadEst
     size = np.sqrt(total[:, _TORQUE, _TORQUE] / count)
     floor = _FINEST * size + 1e-3 * _FINEST * size.max() + 1e-12
     speed = np.sqrt(total[:, _FRICTION.start, _FRICTION.start] / count) + 1e-3
-    scale = np.stack([size / speed, COULOMB_SHARE * size], axis=1) + 1e-12
+    scale = np.stack([size / speed, regressor.COULOMB_SHARE * size], axis=1) + 1e-12
     deviation = 0.05 * size + floor
     shared = _DELAY + 1
     for _ in range(_ROUNDS):

@@ -11,11 +11,11 @@ from pathlib import Path
 
 from masmc_ros.aliases import Array, Function
 from masmc_ros.errors import InputError
+from masmc_ros.files import write_file
 from masmc_ros.identification.identify import Identified, Nominal
 from masmc_ros.identification.latency_fit import LatencyFit
 from masmc_ros.law.parts.delay_fields import LONGEST
 from masmc_ros.log.read.reader import Run
-from masmc_ros.output_files import write_file
 from masmc_ros.params.declaration import check_all, MutableValues, Values
 from masmc_ros.params.file import parameter_file_text
 from masmc_ros.robot.declaration import URDF

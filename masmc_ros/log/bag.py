@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from masmc_ros.errors import InputError
+from masmc_ros.files import part_of, write_file
 from masmc_ros.messages.cdr_layout import Definition, definition
-from masmc_ros.output_files import part_of, write_file
 import yaml
 
 _INFINITE = 'sec: 9223372036\n    nsec: 854775807'

@@ -22,16 +22,8 @@ from typing import IO, NamedTuple
 import zlib
 
 from masmc_ros.errors import InputError
+from masmc_ros.files import replacing
 from masmc_ros.log import codec
-from masmc_ros.log.codec import (
-    INDEX_HEAD,
-    index_messages,
-    Indexes,
-    packed_chunk,
-    RecordStream,
-    span,
-)
-from masmc_ros.output_files import replacing
 from mcap import records as mcap
 from mcap.opcode import Opcode
 from mcap.reader import make_reader, NonSeekingReader
@@ -221,7 +213,7 @@ class _SoundRecord(NamedTuple):
     record: mcap.McapRecord | None = None
     definitions: Sequence[mcap.Schema | mcap.Channel] = ()
     content: bytes = b''
-    indexes: Indexes | None = None
+    indexes: codec.Indexes | None = None
 
 
 class Salvage:
@@ -314,7 +306,7 @@ class Salvage:
 
     def write(self, write: Callable[[bytes], object]) -> mcap.Statistics:
         """Write the readable records of a new file; return its statistics."""
-        output = RecordStream(write)
+        output = codec.RecordStream(write)
         for definition in self._definitions.values():
             output.register(definition)
         schemas, channels = output.summary.schemas, output.summary.channels
@@ -350,8 +342,8 @@ def _sound_record(data: codec.Data, start: int, end: int) -> _SoundRecord | None
         return _SoundRecord()
     try:
         if raw[0] == Opcode.MESSAGE_INDEX:
-            size = INDEX_HEAD.unpack_from(raw)[-1]
-            return _SoundRecord() if len(raw) == INDEX_HEAD.size + size else None
+            size = codec.INDEX_HEAD.unpack_from(raw)[-1]
+            return _SoundRecord() if len(raw) == codec.INDEX_HEAD.size + size else None
         record = codec.parsed(raw)
         copy = codec.packed(record)
         if raw not in (copy, copy[:-4] + bytes(4)):  # an attachment may have no checksum
@@ -361,7 +353,7 @@ def _sound_record(data: codec.Data, start: int, end: int) -> _SoundRecord | None
         if not isinstance(record, mcap.Chunk):
             return _SoundRecord(record)
         content = codec.decompressed(record)
-        indexes, definitions = index_messages(content)
+        indexes, definitions = codec.index_messages(content)
         return _SoundRecord(record, definitions, content, indexes)
     except codec.LargeChunkError as error:
         raise codec.LargeChunkError(
@@ -372,12 +364,12 @@ def _sound_record(data: codec.Data, start: int, end: int) -> _SoundRecord | None
 
 
 def _add_chunk(
-    output: RecordStream, chunk: mcap.Chunk, sound: _SoundRecord, channels: set[int]
+    output: codec.RecordStream, chunk: mcap.Chunk, sound: _SoundRecord, channels: set[int]
 ) -> None:
     """Write a chunk without the messages of other channels, which cannot be read."""
     content, indexes = sound.content, sound.indexes or {}
     if indexes.keys() <= channels:
-        first, last = span(indexes)
+        first, last = codec.span(indexes)
         output.add_chunk(
             replace(chunk, message_start_time=first, message_end_time=last), indexes
         )
@@ -388,5 +380,5 @@ def _add_chunk(
         if opcode != Opcode.MESSAGE
         or codec.MESSAGE_HEAD.unpack_from(content, start)[2] in channels
     )
-    indexes, _ = index_messages(content)
-    output.add_chunk(packed_chunk(content, indexes), indexes)
+    indexes, _ = codec.index_messages(content)
+    output.add_chunk(codec.packed_chunk(content, indexes), indexes)

@@ -8,8 +8,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from masmc_ros.loop.signals import CONTACT, PUBLISHED, Signal
-from masmc_ros.robot.joint_names import all_joints
-from masmc_ros.robot.mechanisms import DEFAULT
+from masmc_ros.robot.mechanisms import all_joints, DEFAULT
 
 JOINTS = all_joints(DEFAULT)
 """Default joint names of a joint state."""

@@ -29,7 +29,7 @@ from masmc_ros.nodes.middleware.rcl_setup import client_node
 from masmc_ros.nodes.middleware.topics import publisher_qos, subscribe
 from masmc_ros.nodes.plant.command_input import torque_sources
 from masmc_ros.params.declaration import Values
-from masmc_ros.robot.joint_names import driven_joint_names, joint_names
+from masmc_ros.robot.mechanisms import driven_joint_names, joint_names
 import numpy as np
 from rclpy.executors import Executor
 from rclpy.node import Node

@@ -15,11 +15,11 @@ from typing import BinaryIO, NamedTuple
 
 from masmc_ros.aliases import Array, Flags
 from masmc_ros.errors import InputError
+from masmc_ros.files import check_absent, check_folder, file_stem, make_folder, whole_file
 from masmc_ros.log.bag import check_apart
 from masmc_ros.log.read.decode import Series
 from masmc_ros.log.read.reader import Run
 from masmc_ros.loop.signals import CONTACT, PUBLISHED
-from masmc_ros.output_files import check_absent, check_folder, file_stem, make_folder, whole_file
 import numpy as np
 
 

@@ -20,9 +20,8 @@ from masmc_ros.jit.vectors import check_workspace, free, mark
 from masmc_ros.params.declaration import Values
 from masmc_ros.robot import mechanism as formulas
 from masmc_ros.robot.declaration import Mechanism, ODOM_FRAME
-from masmc_ros.robot.joint_names import driven_joint_names
 from masmc_ros.robot.mechanism_dry_run import check
-from masmc_ros.robot.mechanisms import mechanism_from
+from masmc_ros.robot.mechanisms import driven_joint_names, mechanism_from
 from masmc_ros.robot.moments import second_moments
 import numpy as np
 

@@ -19,10 +19,9 @@ from helpers.small_tree import hand_at_start, write_scenario
 import masmc_ros as masmc
 from masmc_ros.campaign.campaign import Campaign, campaign_of
 from masmc_ros.campaign.dataset import arrays, Dataset
-from masmc_ros.campaign.draws import draw
 from masmc_ros.campaign.engine import carry_out
 from masmc_ros.campaign.runs import evaluated, metric_columns, rows, rows_in_threads
-from masmc_ros.campaign.variable import axis
+from masmc_ros.campaign.variable import axis, draw
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
 from masmc_ros.loop.batch_simulation import BatchSimulation

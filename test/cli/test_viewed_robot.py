@@ -22,8 +22,7 @@ from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.message import string_message, text_of
 from masmc_ros.messages.parameter_record import ParameterRecord
 from masmc_ros.robot.declaration import Mechanism
-from masmc_ros.robot.joint_names import joint_names_of
-from masmc_ros.robot.mechanisms import DEFAULT, mechanism_from
+from masmc_ros.robot.mechanisms import DEFAULT, joint_names_of, mechanism_from
 from masmc_ros.robot.urdf import read_urdf
 from masmc_ros.robot.visuals import mesh_files
 from mcap.reader import make_reader

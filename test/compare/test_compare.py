@@ -17,8 +17,7 @@ from masmc_ros.cli.main import main
 from masmc_ros.compare import trials
 from masmc_ros.compare import trials as trials_module
 from masmc_ros.compare.contenders import Contender, contenders, marked
-from masmc_ros.compare.law_comparison import Comparison, comparison_of, compute
-from masmc_ros.compare.ranking import ranking
+from masmc_ros.compare.law_comparison import Comparison, comparison_of, compute, ranking
 from masmc_ros.compare.tables import rows_of
 from masmc_ros.compare.trials import (
     AS_IS,

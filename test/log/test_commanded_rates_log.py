@@ -21,8 +21,7 @@ from masmc_ros.messages.message import string_message
 from masmc_ros.messages.parameter_record import ParameterRecord
 from masmc_ros.messages.platform_messages import TwistCdr, TwistStampedCdr
 from masmc_ros.messages.topics import FLOAT_ARRAY, TWIST, TWIST_STAMPED
-from masmc_ros.robot.joint_names import joint_names_of
-from masmc_ros.robot.mechanisms import mechanism_from
+from masmc_ros.robot.mechanisms import joint_names_of, mechanism_from
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest

@@ -16,7 +16,7 @@ from helpers.log_contents import read_log
 from helpers.processes import NODES, PAPER, processes, ros_arguments
 from masmc_ros.cli.main import main
 from masmc_ros.nodes.plant.health import PlantHealth
-from masmc_ros.nodes.process.diagnostics import OK, RejectedMessages, WARN
+from masmc_ros.nodes.process.base import OK, RejectedMessages, WARN
 from masmc_ros.plant.plant_core import Lateness
 import mujoco  # noqa: F401 (without it there is nothing to test)
 

@@ -11,25 +11,15 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from masmc_ros.campaign.runs import scenario_of
-from masmc_ros.cli.arguments import (
-    add_file,
-    add_json,
-    add_output,
-    add_path,
-    add_settings,
-    add_workers,
-    count,
-)
-from masmc_ros.cli.urdf_choices import print_choices
+from masmc_ros.cli import arguments
+from masmc_ros.cli.arguments import print_choices
 from masmc_ros.compare import contenders, results
-from masmc_ros.compare.law_comparison import comparison_of
-from masmc_ros.compare.ranking import by_error, compared
+from masmc_ros.compare.law_comparison import by_error, compared, comparison_of
 from masmc_ros.compare.tables import as_json, page, text
 from masmc_ros.errors import InputError, require_rclpy
-from masmc_ros.output_files import check_folder, make_folder, write_file
+from masmc_ros.files import check_folder, make_folder, scenario_file, write_file
 from masmc_ros.result_text import WIDTH
 from masmc_ros.scenario.scenario import source_of
-from masmc_ros.share import scenario_file
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'Run laws on the same scenario and seeds: ranked by error, with effort and chattering,'
         ' also with noise, delay, 100 Hz, a wrong model and limits.'
     )
-    add_file(parser)
+    arguments.add_file(parser)
     parser.add_argument(
         '--laws',
         default='all',
@@ -71,17 +61,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         '--seeds',
-        type=count,
+        type=arguments.count,
         default=1,
         metavar='N',
         help='runs of each: seed 0 is the scenario, others draw robot, disturbance and noise '
         '(%(default)s)',
     )
-    add_settings(parser)
-    add_path(parser)
-    add_output(parser, 'compare')
-    add_workers(parser)
-    add_json(parser)
+    arguments.add_settings(parser)
+    arguments.add_path(parser)
+    arguments.add_output(parser, 'compare')
+    arguments.add_workers(parser)
+    arguments.add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:

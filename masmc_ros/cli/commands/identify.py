@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 
 from masmc_ros.cli.arguments import add_json, add_overwrite
 from masmc_ros.errors import InputError
+from masmc_ros.files import check_absent
 from masmc_ros.log.read.reader import read_run
-from masmc_ros.output_files import check_absent
 from masmc_ros.result_text import aligned, json_text, WIDTH
 from masmc_ros.robot.declaration import Coordinate
 
@@ -53,6 +53,7 @@ def run(options: argparse.Namespace) -> int:
         check_absent(output, overwrite=options.overwrite)
         check_absent(output.with_suffix('.urdf'), overwrite=options.overwrite)
     # Imported here: the compiler and the solvers take time.
+    from masmc_ros.files import scenario_file
     from masmc_ros.identification.identify import (
         base_parameters,
         identify,
@@ -69,7 +70,6 @@ def run(options: argparse.Namespace) -> int:
     from masmc_ros.identification.payload import payload_of
     from masmc_ros.identification.samples import samples_of
     from masmc_ros.scenario.scenario import load_scenario
-    from masmc_ros.share import scenario_file
 
     logged = read_run(options.log)
     samples = samples_of(logged)

@@ -18,17 +18,15 @@ from tempfile import TemporaryDirectory
 import time
 import webbrowser
 
-from masmc_ros.cli.arguments import add_file, add_overwrite, add_settings
+from masmc_ros.cli.arguments import add_file, add_overwrite, add_settings, print_choices
 from masmc_ros.cli.file_server import has_desktop, tunnel_hint
 from masmc_ros.cli.node_processes import node_processes, NodeProcesses, private_domain
-from masmc_ros.cli.urdf_choices import print_choices
 from masmc_ros.errors import InputError, require_rclpy, UserError
+from masmc_ros.files import check_absent, scenario_file, shared_file, write_file
 from masmc_ros.log.bag import check_apart
 from masmc_ros.log.read.reader import is_log, read_run
 from masmc_ros.log.write.writer import check_log_path
-from masmc_ros.output_files import check_absent, write_file
 from masmc_ros.scenario.scenario import load_scenario, readers, source_of
-from masmc_ros.share import scenario_file, shared_file
 
 NODES = ('trajectory', 'controller', 'plant')
 """Nodes of the run, in the order of their start."""

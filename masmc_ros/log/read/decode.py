@@ -15,16 +15,7 @@ from typing import Any
 from masmc_ros.aliases import Array, Bytes, Flags, Integers, Stamps
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.contents import NO_TIME, Topic
-from masmc_ros.messages import deserialised
-from masmc_ros.messages.cdr_layout import (
-    checked_stamp,
-    END_OF_TIME,
-    Layout,
-    Messages,
-    NANOSECOND_DIGITS,
-    NANOSECONDS,
-    stamps_of,
-)
+from masmc_ros.messages import cdr_layout, deserialised
 from masmc_ros.messages.commands import CommandKind, LabelledCdr
 from masmc_ros.messages.joint_state import FIELDS, joint_state_layout, JointStateCdr
 from masmc_ros.messages.reference_window import ReferenceWindow
@@ -32,7 +23,7 @@ from masmc_ros.messages.telemetry import STAMP_NUMBERS, telemetry_layout, Teleme
 from masmc_ros.messages.topics import JOINTS
 import numpy as np
 
-_STAMP_LIMITS = (END_OF_TIME / NANOSECONDS, NANOSECONDS)
+_STAMP_LIMITS = (cdr_layout.END_OF_TIME / cdr_layout.NANOSECONDS, cdr_layout.NANOSECONDS)
 """Upper limits of the seconds and nanoseconds of a stamp."""
 
 
@@ -66,7 +57,7 @@ class Series:
     @cached_property
     def times(self) -> Array:
         """Return the stamps (n) in s."""
-        return self.stamps / NANOSECONDS
+        return self.stamps / cdr_layout.NANOSECONDS
 
 
 @dataclass
@@ -92,8 +83,8 @@ class MessageFormat:
     """
 
     width: int
-    layout: Layout | Callable[[bytes], Layout | None]
-    bulk: Callable[[Messages], tuple[Stamps, Array, Flags | bool]]
+    layout: cdr_layout.Layout | Callable[[bytes], cdr_layout.Layout | None]
+    bulk: Callable[[cdr_layout.Messages], tuple[Stamps, Array, Flags | bool]]
     single: Callable[[Any, int], tuple[int, Array]]
     marks_void: bool = False
 
@@ -153,7 +144,7 @@ def decode_topic(topic: Topic, kind: MessageFormat) -> Series:
             topic.messages if isinstance(members, slice) else [topic.messages[i] for i in members]
         )
         stamps[members], values[members], has_stamp = kind.bulk(messages)
-        in_time = (stamps[members] >= 0) & (stamps[members] < END_OF_TIME)
+        in_time = (stamps[members] >= 0) & (stamps[members] < cdr_layout.END_OF_TIME)
         usable[members] = matching & has_stamp & in_time
     others = np.flatnonzero(~usable).tolist()
     make = message_decoder(topic) if others else None
@@ -162,7 +153,7 @@ def decode_topic(topic: Topic, kind: MessageFormat) -> Series:
         assert make is not None
         try:
             stamp, values[index] = kind.single(make(topic.messages[index]), topic.log_times[index])
-            stamps[index] = checked_stamp(stamp)
+            stamps[index] = cdr_layout.checked_stamp(stamp)
             usable[index] = True
         except InputError as error:
             first_error = first_error or error
@@ -180,15 +171,15 @@ def decode_topic(topic: Topic, kind: MessageFormat) -> Series:
 
 def _by_layout(
     messages: Sequence[bytes], kind: MessageFormat
-) -> Iterable[tuple[Layout, list[int] | slice]]:
+) -> Iterable[tuple[cdr_layout.Layout, list[int] | slice]]:
     """Return the layouts of messages with the indices of those of their size."""
-    if isinstance(kind.layout, Layout):
+    if isinstance(kind.layout, cdr_layout.Layout):
         size = kind.layout.size
         if set(map(len, messages)) == {size}:
             return [(kind.layout, slice(None))]
         members = [index for index, raw in enumerate(messages) if len(raw) == size]
         return [(kind.layout, members)] if members else []
-    groups: dict[Layout, list[int]] = defaultdict(list)
+    groups: dict[cdr_layout.Layout, list[int]] = defaultdict(list)
     latest = None
     for index, raw in enumerate(messages):
         layout = kind.layout(raw)
@@ -211,9 +202,9 @@ def joint_states(
     """
     message, layout = JointStateCdr(names), joint_state_layout(names)
 
-    def bulk(states: Messages) -> tuple[Stamps, Array, bool]:
+    def bulk(states: cdr_layout.Messages) -> tuple[Stamps, Array, bool]:
         numbers = np.hstack([states[field] for field in FIELDS])
-        return stamps_of(states['header_stamp']), numbers, True
+        return cdr_layout.stamps_of(states['header_stamp']), numbers, True
 
     def single(received: deserialised.JointState, _: int) -> tuple[int, Array]:
         message.load_message(received, joints, unknown_velocity=np.nan)
@@ -226,10 +217,10 @@ def commands(kind: CommandKind) -> MessageFormat:
     """Return the format of commands, one number per joint; without a label, log time is used."""
     message, joints = LabelledCdr(kind), len(kind.joints)
 
-    def layout(raw: bytes) -> Layout | None:
+    def layout(raw: bytes) -> cdr_layout.Layout | None:
         return kind.layout_of(raw)
 
-    def bulk(messages: Messages) -> tuple[Stamps, Array, Flags]:
+    def bulk(messages: cdr_layout.Messages) -> tuple[Stamps, Array, Flags]:
         stamps, has_digits = _label_stamps(messages['layout_dim_0_label'])
         is_void = messages['layout_data_offset'] == joints
         return stamps, np.column_stack([messages['data'], is_void]), has_digits
@@ -244,7 +235,7 @@ def commands(kind: CommandKind) -> MessageFormat:
 
 def _label_stamps(characters: Bytes) -> tuple[Stamps, Flags]:
     """Return the stamps in ns in labels, and which labels have nine digits of nanoseconds."""
-    point = characters.shape[1] - NANOSECOND_DIGITS - 1
+    point = characters.shape[1] - cdr_layout.NANOSECOND_DIGITS - 1
     if point <= 0:
         return np.zeros(len(characters), np.int64), np.zeros(len(characters), bool)
     digits = np.delete(characters, point, axis=1).astype(np.int64) - ord('0')
@@ -256,12 +247,12 @@ def telemetry(label: str, count: int) -> MessageFormat:
     """Return the format of telemetry: `count` values called `label`."""
     message, layout = TelemetryCdr(label, count), telemetry_layout(label, count)
 
-    def bulk(messages: Messages) -> tuple[Stamps, Array, Flags]:
+    def bulk(messages: cdr_layout.Messages) -> tuple[Stamps, Array, Flags]:
         head, values = np.split(messages['data'], [STAMP_NUMBERS], axis=1)
         # False for NaN, too.
         usable = np.all((head >= 0.0) & (head < _STAMP_LIMITS), axis=1, keepdims=True)
         seconds, nanoseconds = np.where(usable, head, 0.0).astype(np.int64).T
-        return seconds * NANOSECONDS + nanoseconds, values, usable[:, 0]
+        return seconds * cdr_layout.NANOSECONDS + nanoseconds, values, usable[:, 0]
 
     def single(received: deserialised.Float64MultiArray, _: int) -> tuple[int, Array]:
         message.load_message(received)

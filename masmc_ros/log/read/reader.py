@@ -40,12 +40,14 @@ from masmc_ros.messages.telemetry import telemetry_count
 from masmc_ros.messages.topics import FLOAT_ARRAY, ODOMETRY, STRING, TOPICS, TWIST, TWIST_STAMPED
 from masmc_ros.params.declaration import MutableValues, Values
 from masmc_ros.robot.declaration import Mechanism, Quantity, URDF
-from masmc_ros.robot.joint_names import (
+from masmc_ros.robot.mechanisms import (
+    DEFAULT,
     joint_names_of,
     JOINT_NAMES_PARAMETER,
     joint_names_parameter,
+    load,
+    mechanism_from,
 )
-from masmc_ros.robot.mechanisms import DEFAULT, load, mechanism_from
 from masmc_ros.robot.mechanisms import NAME as MECHANISM
 import numpy as np
 

@@ -33,7 +33,7 @@ from masmc_ros.messages.parameter_record import ParameterRecord
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.messages.telemetry import telemetry_messages
 from masmc_ros.messages.transforms import transforms_messages
-from masmc_ros.robot.joint_names import check_frame_prefix, FRAME_PREFIX, joint_names
+from masmc_ros.robot.mechanisms import check_frame_prefix, FRAME_PREFIX, joint_names
 from masmc_ros.robot.robot import robot_description, robot_of
 import numpy as np
 

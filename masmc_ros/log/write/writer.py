@@ -16,11 +16,11 @@ import os
 from pathlib import Path
 
 from masmc_ros.errors import InputError, suggestion
+from masmc_ros.files import WholeFile
 from masmc_ros.log import codec
 from masmc_ros.log.bag import Qos
 from masmc_ros.log.codec import packed, RecordStream
 from masmc_ros.messages.cdr_layout import Definition, definition
-from masmc_ros.output_files import WholeFile
 from mcap.records import Attachment, Channel, Metadata, Schema, Statistics
 from mcap.well_known import MessageEncoding, SchemaEncoding
 

@@ -20,13 +20,17 @@ from masmc_ros.messages.platform_messages import odometry_numbers
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.messages.topics import REFERENCE_TOPIC, TRANSFORMS
 from masmc_ros.messages.transforms import transforms_of
-from masmc_ros.nodes.middleware.message_types import deserialized, raw_class
-from masmc_ros.nodes.middleware.topics import subscribe_with_past, subscription_qos
-from masmc_ros.nodes.process.diagnostics import RejectedMessages, senders_text, several_senders
+from masmc_ros.nodes.middleware.topics import (
+    deserialized,
+    raw_class,
+    subscribe_with_past,
+    subscription_qos,
+)
+from masmc_ros.nodes.process.base import RejectedMessages, senders_text, several_senders
 from masmc_ros.params.declaration import Values
 from masmc_ros.robot.base_pose import BasePose, OLDEST_POSE_NS
 from masmc_ros.robot.dead_reckoning import DeadReckoning
-from masmc_ros.robot.joint_names import driven_joint_names, joint_names
+from masmc_ros.robot.mechanisms import driven_joint_names, joint_names
 from masmc_ros.robot.robot import Robot
 from nav_msgs.msg import Odometry
 from rclpy.node import Node

@@ -67,22 +67,21 @@ from masmc_ros.nodes.controller.output import (
 )
 from masmc_ros.nodes.middleware.topics import subscribe_with_past
 from masmc_ros.nodes.parameters.ros_parameters import Pending
-from masmc_ros.nodes.process.base import SuiteNode
-from masmc_ros.nodes.process.command_line import CommandLine
-from masmc_ros.nodes.process.diagnostics import (
+from masmc_ros.nodes.process.base import (
     Health,
     publish_health,
     RejectedMessages,
     senders_text,
     several_senders,
+    SuiteNode,
 )
+from masmc_ros.nodes.process.command_line import CommandLine
 from masmc_ros.nodes.process.runtime import run
 from masmc_ros.params.declaration import MutableValues, Values
 from masmc_ros.params.text import yaml_text
 from masmc_ros.reference.approach import Approach
 from masmc_ros.reference.windows import ReferenceWindows
-from masmc_ros.robot.joint_names import driven_joint_names
-from masmc_ros.robot.mechanisms import mechanism_from
+from masmc_ros.robot.mechanisms import driven_joint_names, mechanism_from
 from masmc_ros.robot.robot import robot_of
 import numpy as np
 from rclpy.context import Context

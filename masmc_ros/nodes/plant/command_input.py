@@ -15,27 +15,17 @@ from geometry_msgs.msg import Twist, TwistStamped
 from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError
 from masmc_ros.law.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CMD_VEL
-from masmc_ros.messages import deserialised
+from masmc_ros.messages import deserialised, topics
 from masmc_ros.messages.cdr_layout import checked_stamp
 from masmc_ros.messages.commands import ArmVelocityCdr, EffortCdr, LabelledCdr
 from masmc_ros.messages.platform_messages import twist_numbers, TwistCdr, TwistStampedCdr
 from masmc_ros.messages.stamps import header_stamp
-from masmc_ros.messages.topics import (
-    ARM_VELOCITY_TOPIC,
-    CMD_VEL_TOPIC,
-    COMMAND_TOPIC,
-    FLOAT_ARRAY,
-    TWIST,
-    TWIST_STAMPED,
-)
-from masmc_ros.nodes.middleware.message_types import deserialized
-from masmc_ros.nodes.middleware.topics import subscribe_with_past
-from masmc_ros.nodes.process.diagnostics import RejectedMessages
+from masmc_ros.nodes.middleware.topics import deserialized, subscribe_with_past
+from masmc_ros.nodes.process.base import RejectedMessages
 from masmc_ros.params.declaration import Values
-from masmc_ros.plant.latest_command import CommandPart
+from masmc_ros.plant.plant_core import CommandPart
 from masmc_ros.robot.declaration import Velocity
-from masmc_ros.robot.joint_names import driven_joint_names, FRAME_PREFIX
-from masmc_ros.robot.mechanisms import mechanism_from
+from masmc_ros.robot.mechanisms import driven_joint_names, FRAME_PREFIX, mechanism_from
 import numpy as np
 from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
@@ -113,7 +103,8 @@ class CommandInput:
         if self.are_sent_by(node, name):
             return None
         used = {source.topic for source in self.sources}
-        other = [t for t in (CMD_VEL_TOPIC, ARM_VELOCITY_TOPIC, COMMAND_TOPIC) if t not in used]
+        known = (topics.CMD_VEL_TOPIC, topics.ARM_VELOCITY_TOPIC, topics.COMMAND_TOPIC)
+        other = [topic for topic in known if topic not in used]
         sent = [topic for topic in other if _sent_types(node, name, topic)]
         if sent:
             return (
@@ -168,8 +159,8 @@ class Source(NamedTuple):
 
 def torque_sources(joints: tuple[str, ...]) -> list[Source]:
     """Return the source of torques of the driven joints."""
-    part = CommandPart(COMMAND_TOPIC, len(joints))
-    return [Source(part, FLOAT_ARRAY, Float64MultiArray, _labelled(EffortCdr(joints)))]
+    part = CommandPart(topics.COMMAND_TOPIC, len(joints))
+    return [Source(part, topics.FLOAT_ARRAY, Float64MultiArray, _labelled(EffortCdr(joints)))]
 
 
 def base_sources(
@@ -200,16 +191,16 @@ def base_sources(
     places = [velocity.place for velocity in twist]
     others = joints[len(places):]
     base = CommandPart(
-        CMD_VEL_TOPIC, len(places), names_state=is_stamped, is_zero_unlabelled=is_stamped
+        topics.CMD_VEL_TOPIC, len(places), names_state=is_stamped, is_zero_unlabelled=is_stamped
     )
-    topic = COMMAND_TOPIC if is_hybrid else ARM_VELOCITY_TOPIC
+    topic = topics.COMMAND_TOPIC if is_hybrid else topics.ARM_VELOCITY_TOPIC
     joints_part = CommandPart(topic, len(others), is_required=is_hybrid)
     reader = EffortCdr(others) if is_hybrid else ArmVelocityCdr(others)
     return [
-        Source(base, TWIST_STAMPED, TwistStamped, _stamped_twist(frame_prefix, places))
+        Source(base, topics.TWIST_STAMPED, TwistStamped, _stamped_twist(frame_prefix, places))
         if is_stamped
-        else Source(base, TWIST, Twist, _twist(places)),
-        Source(joints_part, FLOAT_ARRAY, Float64MultiArray, _labelled(reader)),
+        else Source(base, topics.TWIST, Twist, _twist(places)),
+        Source(joints_part, topics.FLOAT_ARRAY, Float64MultiArray, _labelled(reader)),
     ]
 
 

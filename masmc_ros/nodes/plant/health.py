@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from itertools import chain
 import time
 
-from masmc_ros.nodes.process.diagnostics import ERROR, Health, OK, RejectedMessages, senders, WARN
+from masmc_ros.nodes.process.base import ERROR, Health, OK, RejectedMessages, senders, WARN
 from masmc_ros.plant.plant_core import Lateness
 from rclpy.node import Node
 

@@ -19,15 +19,8 @@ import time
 from masmc_ros.errors import InputError
 from masmc_ros.loop.plant_parameters import PAYLOAD_MASS, PUSH, PUSH_DURATION, TORQUE_LIMIT
 from masmc_ros.nodes.play.page import PlayServer, show_value, text_block
+from masmc_ros.params import presentation
 from masmc_ros.params.declaration import MutableValues, Parameter, Values
-from masmc_ros.params.presentation import (
-    gain_text,
-    level_of,
-    scaled,
-    slider_range,
-    SliderRange,
-    SLIDERS,
-)
 from masmc_ros.robot.declaration import Mechanism
 from viser import ClientHandle, GuiButtonHandle, GuiDropdownHandle, GuiEvent, GuiSliderHandle
 
@@ -134,7 +127,7 @@ class Controls:
         if not self.may_command:
             return
         with self._folder:
-            for name in SLIDERS:
+            for name in presentation.SLIDERS:
                 if name in values:
                     self._add_slider(parameters[name], values[name])
             for name in MENUS:
@@ -145,22 +138,22 @@ class Controls:
 
     def _add_slider(self, parameter: Parameter, value: object) -> None:
         name = parameter.name
-        bounds = slider_range(parameter, level_of(value))
+        bounds = presentation.slider_range(parameter, presentation.level_of(value))
         handle = self._gui.add_slider(
             name,
             *bounds,
-            min(max(level_of(value), bounds.lowest), bounds.highest),
+            min(max(presentation.level_of(value), bounds.lowest), bounds.highest),
             hint=f'{parameter.description} [{parameter.unit}]',
         )
 
         def show(shown: object) -> None:
             nonlocal bounds
-            level = level_of(shown)
+            level = presentation.level_of(shown)
             if not math.isfinite(level):
                 return
             self._shown[name] = shown
             if not bounds.contains(level):
-                bounds = _widened(handle, slider_range(parameter, level), level)
+                bounds = _widened(handle, presentation.slider_range(parameter, level), level)
             show_value(handle, level)
 
         self._show[name], self._shown[name] = show, value
@@ -193,9 +186,11 @@ class Controls:
         """Queue a change by a viewer; a change by the node has no viewer."""
         if event.client is None:
             return
-        value = event.target.value
-        requested = value if isinstance(value, str) else scaled(self._shown[name], value)
-        self.request(event.client_id, f'{self._node}.{name}', requested)
+        level = event.target.value
+        value: object = level
+        if not isinstance(level, str):
+            value = presentation.scaled(self._shown[name], level)
+        self.request(event.client_id, f'{self._node}.{name}', value)
 
     def request(self, client: int | None, name: str, value: object) -> None:
         """
@@ -293,11 +288,11 @@ class Controls:
     def refresh(self) -> None:
         """Show the values of the controller, except in controls that a viewer is moving."""
         lines = []
-        for name in (*SLIDERS, *MENUS):
+        for name in (*presentation.SLIDERS, *MENUS):
             value = self.values.get(f'{self._node}.{name}')
             if value is None:
                 continue
-            lines.append(f'{name}: {gain_text(value)}')
+            lines.append(f'{name}: {presentation.gain_text(value)}')
             if name in self._show and self.is_still(f'{self._node}.{name}'):
                 # Another node of this name may send any value.
                 with suppress(InputError):
@@ -315,8 +310,8 @@ class Controls:
 
 
 def _widened(
-    handle: GuiSliderHandle[float], bounds: SliderRange, level: float
-) -> SliderRange:
+    handle: GuiSliderHandle[float], bounds: presentation.SliderRange, level: float
+) -> presentation.SliderRange:
     """Give a slider the range for a value outside of its own; return the range."""
     bounds = bounds._replace(lowest=min(bounds.lowest, level), highest=max(bounds.highest, level))
     handle.min, handle.max, handle.step = bounds
@@ -410,6 +405,6 @@ class PlantControls:
             return
         # Another node of this name may send any value.
         with suppress(InputError):
-            mass = level_of(self._mass.check(value))
+            mass = presentation.level_of(self._mass.check(value))
             self._payload.max = max(self._payload.max, mass)
             show_value(self._payload, mass)

@@ -22,8 +22,7 @@ from typing import TypeVar
 from urllib.parse import urlsplit
 
 from masmc_ros.errors import InputError
-from masmc_ros.nodes.play.described import EstimateReference, ShownRobot
-from masmc_ros.nodes.play.plots import Plots
+from masmc_ros.nodes.play.plots import EstimateReference, Plots, ShownRobot
 from masmc_ros.nodes.play.samples import WINDOW
 from masmc_ros.nodes.play.scene import RobotScene
 from viser import GuiInputHandle, ViserServer

@@ -15,7 +15,7 @@ import threading
 from types import FrameType
 
 from masmc_ros.errors import UserError
-from masmc_ros.output_files import remove_unfinished
+from masmc_ros.files import remove_unfinished
 
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Signals that end a process: from the keyboard, another process or a closed terminal."""

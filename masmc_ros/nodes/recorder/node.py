@@ -42,23 +42,22 @@ from masmc_ros.messages.topics import (
     TOPICS,
     TRANSFORMS,
 )
-from masmc_ros.nodes.middleware.message_types import raw_class
 from masmc_ros.nodes.middleware.topics import (
     DEEP,
+    raw_class,
     subscribe,
     subscribe_with_past,
     subscription_qos,
 )
-from masmc_ros.nodes.process.base import SuiteNode
+from masmc_ros.nodes.process.base import publish_health, RejectedMessages, SuiteNode
 from masmc_ros.nodes.process.command_line import CommandLine
-from masmc_ros.nodes.process.diagnostics import publish_health, RejectedMessages
 from masmc_ros.nodes.process.runtime import run
 from masmc_ros.nodes.recorder.extra_topics import ExtraTopics
 from masmc_ros.nodes.recorder.health import RecorderHealth
 from masmc_ros.nodes.recorder.intake import Intake, OwnFrames, take_rest
 from masmc_ros.nodes.recorder.output import Attachments, DiskWatch, MEGABYTE, open_recording
 from masmc_ros.nodes.recorder.progress import Progress
-from masmc_ros.robot.joint_names import FRAME_PREFIX
+from masmc_ros.robot.mechanisms import FRAME_PREFIX
 from rclpy.context import Context
 
 _LONG_QUIET = 3.0
@@ -314,7 +313,7 @@ class RecorderNode(SuiteNode):
         """Report to the plant when all publishers are discovered; end when they have left."""
         self._extra.look(self.node, self.log, self._record_topic, self.counts)
         has_senders = [
-            any(all(map(self._is_sent, topics)) for topics in line) for line in _CORE
+            any(all(map(self._is_sent, names)) for names in line) for line in _CORE
         ]
         has_parameters = all(map(self._has_parameters, PARAMETER_NODES))
         if not self._is_ready and all(has_senders) and has_parameters:

@@ -21,12 +21,10 @@ from masmc_ros.messages.cdr_layout import checked_stamp
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.messages.topics import CONTROLLER_STATE_TOPIC, DESIRED_PATH_TOPIC
-from masmc_ros.nodes.middleware.message_types import deserialized
-from masmc_ros.nodes.middleware.topics import subscribe_with_past
+from masmc_ros.nodes.middleware.topics import deserialized, subscribe_with_past
 from masmc_ros.nodes.parameters.ros_parameters import Pending
-from masmc_ros.nodes.process.base import SuiteNode
+from masmc_ros.nodes.process.base import Health, publish_health, RejectedMessages, SuiteNode
 from masmc_ros.nodes.process.command_line import CommandLine
-from masmc_ros.nodes.process.diagnostics import Health, publish_health, RejectedMessages
 from masmc_ros.nodes.process.runtime import run
 from masmc_ros.nodes.trajectory.follow_action import follow_action
 from masmc_ros.nodes.trajectory.path_input import PathInput
@@ -35,7 +33,7 @@ from masmc_ros.nodes.trajectory.received_paths import ReceivedPaths
 from masmc_ros.params.declaration import MutableValues
 from masmc_ros.reference.reference import PATH_RECEIVED
 from masmc_ros.reference.trajectory import path_values, Trajectory, TYPE
-from masmc_ros.robot.joint_names import check_frame_prefix, FRAME_PREFIX, joint_names
+from masmc_ros.robot.mechanisms import check_frame_prefix, FRAME_PREFIX, joint_names
 from masmc_ros.robot.robot import robot_of
 from nav_msgs.msg import Odometry, Path
 import numpy as np

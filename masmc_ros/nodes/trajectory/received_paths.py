@@ -34,7 +34,7 @@ from masmc_ros.reference.joined import JoinedMotion, load_code, Motion, Trajecto
 from masmc_ros.reference.joint_path import JointPath, JointPoints, JointState, JointTask
 from masmc_ros.reference.pose_path import HEADING, PosePoints, Speeds, TaskPath, TwistPoints
 from masmc_ros.reference.trajectory import Trajectory
-from masmc_ros.robot.joint_names import joint_names
+from masmc_ros.robot.mechanisms import joint_names
 from masmc_ros.robot.robot import Robot
 
 _BRAKING = 1.0

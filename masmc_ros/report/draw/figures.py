@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from masmc_ros.files import file_stem
 from masmc_ros.log.read.reader import Run
-from masmc_ros.output_files import file_stem
 from masmc_ros.report.digest import compared_runs, Digest
 from masmc_ros.report.draw.path_figures import path_figure
 from masmc_ros.report.draw.run_figures import adaptation_figure, comparison_figure, error_figure

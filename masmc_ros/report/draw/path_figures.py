@@ -13,17 +13,7 @@ from typing import Any
 
 from masmc_ros.aliases import Array, Bytes
 from masmc_ros.log.read.reader import Run
-from masmc_ros.report.draw.style import (
-    BLACK,
-    caption,
-    draw_line,
-    GREY,
-    mathtext,
-    new_figure,
-    PAGE,
-    paper_style,
-    time_axis,
-)
+from masmc_ros.report.draw import style
 from masmc_ros.report.measure.parameters import run_robot
 from masmc_ros.report.measure.path_preview import Preview
 from masmc_ros.report.measure.tracking import Tracking
@@ -36,7 +26,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 import numpy as np
 
-_AREAS = {'body': (GREY, 0.35), 'part': (BLACK, 1.0)}
+_AREAS = {'body': (style.GREY, 0.35), 'part': (style.BLACK, 1.0)}
 """Colour and opacity of areas by their kind."""
 
 
@@ -55,9 +45,9 @@ def draw_robot(axes: Axes, outline: Outline, opacity: float) -> None:
                 )
             )
         else:
-            style: dict[str, Any] = {'color': BLACK, 'alpha': opacity, 'zorder': 1.6}
-            axes.plot(*shape.points.T, linewidth=1.2, **style)
-            axes.plot(*shape.points[:-1].T, 'o', markersize=2.0, **style)
+            options: dict[str, Any] = {'color': style.BLACK, 'alpha': opacity, 'zorder': 1.6}
+            axes.plot(*shape.points.T, linewidth=1.2, **options)
+            axes.plot(*shape.points[:-1].T, 'o', markersize=2.0, **options)
 
 
 _INSTANTS = 6
@@ -82,7 +72,7 @@ def path_figure(run: Run, tracked: Tracking, label: str) -> Figure | None:
         return None
     if robot is None and not run.mechanism.places:
         return None
-    figure = new_figure(PAGE, PAGE)
+    figure = style.new_figure(style.PAGE, style.PAGE)
     axes = figure.subplots()
     if robot is not None:
         _draw_instants(axes, robot, run)
@@ -91,16 +81,17 @@ def path_figure(run: Run, tracked: Tracking, label: str) -> Figure | None:
     for line in panel.lines:
         is_desired = line.colour == INK
         width, depth, marker = (0.8, 2.6, '') if is_desired else (1.2, 2.5, 'o')
-        lines.append(draw_line(
+        lines.append(style.draw_line(
             axes, line, linewidth=width, zorder=depth, marker=marker, markersize=3.5, markevery=[0]
         ))
     # The drawing is a top view; the error figures show all axes.
     is_flat = all(point.size == 2 for point in run.mechanism.places)
     axes.set_xlabel('$x$ (m)' if is_flat else '$x$ (m), top view without $z$')
-    axes.set_ylabel(mathtext(panel.quantity))
+    axes.set_ylabel(style.mathtext(panel.quantity))
     width, height = _fit(axes)
-    figure.set_figheight(figure.get_figwidth() * (_SURROUND + height / width * _WIDTH) / PAGE)
-    caption(figure, axes, label, lines)
+    size = (_SURROUND + height / width * _WIDTH) / style.PAGE
+    figure.set_figheight(figure.get_figwidth() * size)
+    style.caption(figure, axes, label, lines)
     return figure
 
 
@@ -122,7 +113,7 @@ def frame(robot: Robot, position: Array, desired: Array, actual: Array) -> Bytes
     canvas, axes = FigureCanvasAgg(figure), figure.subplots()
     for point in robot.mechanism.places:
         x, y = point.first, point.first + 1
-        axes.plot(desired[:, x], desired[:, y], '--', color=GREY, linewidth=1.0, zorder=1.2)
+        axes.plot(desired[:, x], desired[:, y], '--', color=style.GREY, linewidth=1.0, zorder=1.2)
         axes.plot(actual[:, x], actual[:, y], linewidth=1.5, zorder=2.5)
     draw_robot(axes, robot.mechanism.formulas.outline(robot.geometry, position), opacity=1.0)
     axes.set_xlabel('x (m)')
@@ -142,7 +133,7 @@ def _draw_instants(axes: Axes, robot: Robot, run: Run) -> None:
             x,
             y - outline.below,
             f'{run.times[k] - run.times[0]:.3g} s',
-            color=GREY,
+            color=style.GREY,
             fontsize=6.5,
             ha='center',
             va='top',
@@ -194,8 +185,8 @@ def preview_figure(seen: Preview) -> Figure:
     if np.isfinite(margin).any():
         panels.append(('distance to the end\nof the range (rad, m)', margin, False))
     rows = -(-len(joints) // _COLUMNS)
-    with paper_style():
-        figure = new_figure(PAGE, _HEIGHT * len(panels) + _LEGEND * rows / 2.0)
+    with style.paper_style():
+        figure = style.new_figure(style.PAGE, _HEIGHT * len(panels) + _LEGEND * rows / 2.0)
         heights = (_LEGEND * rows / 2.0, *([_HEIGHT] * len(panels)))
         names, *drawings = figure.subplots(1 + len(panels), 1, height_ratios=heights)
         names.set_axis_off()
@@ -208,10 +199,10 @@ def preview_figure(seen: Preview) -> Figure:
                         color=f'C{k % 10}', linestyle='-' if k < 10 else '--',
                     )  # fmt: skip
             if is_share:
-                axes.axhline(1.0, color=GREY, linewidth=0.8)
+                axes.axhline(1.0, color=style.GREY, linewidth=0.8)
             axes.set_ylabel(label)
             axes.set_ylim(bottom=min(0.0, *axes.get_ylim()))
-            time_axis(axes)
+            style.time_axis(axes)
             axes.label_outer()
         handles, labels = drawings[0].get_legend_handles_labels()
         names.legend(handles, labels, loc='center', ncols=_COLUMNS)

@@ -12,16 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 import math
 
-from masmc_ros.report.draw.style import (
-    caption,
-    COLUMN,
-    draw_line,
-    GREY,
-    mathtext,
-    new_figure,
-    PAGE,
-    time_axis,
-)
+from masmc_ros.report.draw import style
 from masmc_ros.report.measure.metrics import Metrics
 from masmc_ros.report.measure.tracking import SMALL, Tracking
 from masmc_ros.report.panels import comparison_panels, error_panel, Line, logarithmic_range, Panel
@@ -46,31 +37,31 @@ _SIGNAL_MARGIN = 0.15
 
 def signal_figure(panels: Sequence[Panel], label: str) -> Figure:
     """Draw panels over time below each other; the caption of the first has the label."""
-    figure = new_figure(PAGE, _CAPTION + _SIGNAL_HEIGHT * len(panels))
+    figure = style.new_figure(style.PAGE, _CAPTION + _SIGNAL_HEIGHT * len(panels))
     all_axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
     for axes, panel in zip(all_axes, panels, strict=True):
-        axes.axhline(0.0, color=GREY, linewidth=0.6)
-        drawn = [draw_line(axes, line, linewidth=0.9) for line in panel.lines]
-        axes.set_ylabel(mathtext(panel.quantity))
+        axes.axhline(0.0, color=style.GREY, linewidth=0.6)
+        drawn = [style.draw_line(axes, line, linewidth=0.9) for line in panel.lines]
+        axes.set_ylabel(style.mathtext(panel.quantity))
         low, high = np.nanpercentile([line.y for line in panel.lines], _INNER)
         margin = _SIGNAL_MARGIN * (high - low)
         if margin > 0.0:
             axes.set_ylim(min(low, 0.0) - margin, max(high, 0.0) + margin)
-        caption(figure, axes, label if panel is panels[0] else '', drawn)
-    time_axis(all_axes[-1])
+        style.caption(figure, axes, label if panel is panels[0] else '', drawn)
+    style.time_axis(all_axes[-1])
     figure.align_ylabels()
     return figure
 
 
 def plane_figure(lines: Sequence[Line], label: str) -> Figure:
     """Draw paths in top view, in m and to scale."""
-    figure = new_figure(PAGE, PAGE)
+    figure = style.new_figure(style.PAGE, style.PAGE)
     axes = figure.subplots()
-    drawn = [draw_line(axes, line, linewidth=1.0) for line in lines]
+    drawn = [style.draw_line(axes, line, linewidth=1.0) for line in lines]
     axes.set_aspect('equal', 'datalim')
     axes.set_xlabel('$x$ (m)')
     axes.set_ylabel('$y$ (m)')
-    caption(figure, axes, label, drawn)
+    style.caption(figure, axes, label, drawn)
     return figure
 
 
@@ -90,7 +81,7 @@ def error_figure(
     rms = reached.points[point].rms
     if rms is None:
         return None
-    figure = new_figure(COLUMN, _ERROR_HEIGHT)
+    figure = style.new_figure(style.COLUMN, _ERROR_HEIGHT)
     upper, lower = figure.subplots(2, 1)
     # Letters for the axes of a path, numbers for joints.
     axis_names = [str(1 + i) for i in range(point.size)]
@@ -98,12 +89,12 @@ def error_figure(
         axis_names = [f'{axis}<sub>{point.symbol}</sub>' for axis in 'xyz'[:point.size]]
     panel = error_panel(tracked, point, [f'<i>e<sub>{name}</sub></i>' for name in axis_names])
     for axes in (upper, lower):
-        axes.axhline(0.0, color=GREY, linewidth=0.6)
+        axes.axhline(0.0, color=style.GREY, linewidth=0.6)
         for line in panel.lines:
-            draw_line(axes, line, linewidth=0.9)
+            style.draw_line(axes, line, linewidth=0.9)
         axes.set_ylabel(panel.quantity)
     _enlarge(lower, tracked, tracked.small_errors(point), reached)
-    upper.axvspan(reached.start, reached.end, color=GREY, alpha=0.12, linewidth=0.0)
+    upper.axvspan(reached.start, reached.end, color=style.GREY, alpha=0.12, linewidth=0.0)
     lower.text(
         1.0,
         1.02,
@@ -114,10 +105,10 @@ def error_figure(
         ha='right',
         va='bottom',
     )
-    time_axis(upper)
+    style.time_axis(upper)
     upper.set_xlabel('')
-    time_axis(lower)
-    caption(figure, upper, label, upper.get_lines()[1:])
+    style.time_axis(lower)
+    style.caption(figure, upper, label, upper.get_lines()[1:])
     figure.align_ylabels()
     return figure
 
@@ -161,7 +152,7 @@ def comparison_figure(
     panels = comparison_panels(of_runs)
     count = math.ceil(len(panels) / 2)
     height = _PANELS / 2
-    figure = new_figure(PAGE, above + count * height)
+    figure = style.new_figure(style.PAGE, above + count * height)
     layout = figure.add_gridspec(1 + count, 2, height_ratios=(above, *([height] * count)))
     drawn = [
         figure.add_subplot(layout[1 + number // 2, number % 2]) for number in range(len(panels))
@@ -171,15 +162,15 @@ def comparison_figure(
     order = sorted(indices, key=lambda i: -variations[i])
     for depth, i in enumerate(order):
         for axes, panel in zip(drawn, panels, strict=True):
-            draw_line(axes, panel.lines[i], linewidth=0.8, zorder=2.0 + depth / len(order))
+            style.draw_line(axes, panel.lines[i], linewidth=0.8, zorder=2.0 + depth / len(order))
     for axes, panel in zip(drawn, panels, strict=True):
         axes.set_title(panel.title)
-        axes.set_ylabel(mathtext(panel.quantity))
+        axes.set_ylabel(style.mathtext(panel.quantity))
         ends = logarithmic_range(panel)
         if ends is not None:
             axes.set_yscale('log')
             axes.set_ylim(ends)
-        time_axis(axes)
+        style.time_axis(axes)
     lines = [drawn[0].get_lines()[order.index(i)] for i in indices]
     legend = figure.add_subplot(layout[0, :])
     legend.set_axis_off()
@@ -221,21 +212,21 @@ def adaptation_figure(panels: Sequence[Panel], labels: Sequence[str] = ()) -> Fi
     columns = max(1, _LABELS_OF_ADAPTATION // longest)
     above = _LEGEND_ROW * math.ceil(len(labels) / columns)
     count = math.ceil(len(panels) / _COLUMNS)
-    figure = new_figure(PAGE, above + _PARAMETER_HEIGHT * count + _LEGEND_ROW)
+    figure = style.new_figure(style.PAGE, above + _PARAMETER_HEIGHT * count + _LEGEND_ROW)
     heights = (max(above, 0.1), *([_PARAMETER_HEIGHT] * count))
     layout = figure.add_gridspec(1 + count, _COLUMNS, height_ratios=heights)
     handles: dict[str, Line2D] = {}
     for number, panel in enumerate(panels):
         axes = figure.add_subplot(layout[1 + number // _COLUMNS, number % _COLUMNS])
         if panel.level is not None:
-            axes.axhline(panel.level, color=GREY, linewidth=0.8)
+            axes.axhline(panel.level, color=style.GREY, linewidth=0.8)
         for line in panel.lines:
-            handles[line.name] = draw_line(axes, line, linewidth=0.9)
+            handles[line.name] = style.draw_line(axes, line, linewidth=0.9)
         axes.set_title(_title(panel), fontsize=6.5)
         axes.margins(y=0.12)
         if number % _COLUMNS == 0:
-            axes.set_ylabel(mathtext(panel.quantity))
-        time_axis(axes, _TICKS)
+            axes.set_ylabel(style.mathtext(panel.quantity))
+        style.time_axis(axes, _TICKS)
     if labels:
         legend = figure.add_subplot(layout[0, :])
         legend.set_axis_off()

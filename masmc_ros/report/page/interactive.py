@@ -16,6 +16,7 @@ from masmc_ros.aliases import Array
 from masmc_ros.log.read.decode import Series
 from masmc_ros.log.read.reader import Run
 from masmc_ros.loop.signals import CONTACT, PUBLISHED, Signal
+from masmc_ros.report import panels
 from masmc_ros.report.measure.adaptation import Adaptation
 from masmc_ros.report.measure.parameters import (
     change_texts,
@@ -24,26 +25,7 @@ from masmc_ros.report.measure.parameters import (
     run_robot,
 )
 from masmc_ros.report.measure.tracking import Compared, Tracking
-from masmc_ros.report.page.packed_samples import (
-    MOST,
-    packed_path,
-    packed_robot,
-    packed_signal,
-    REPLAYED,
-)
-from masmc_ros.report.panels import (
-    adaptation_panels,
-    COLOURS,
-    comparison_panels,
-    error_panel,
-    INK,
-    Line,
-    lines,
-    logarithmic_range,
-    MULTIPLES,
-    Panel,
-    path_panel,
-)
+from masmc_ros.report.page import packed_samples
 import numpy as np
 
 _APART = 0.03
@@ -69,11 +51,11 @@ _LAYOUT = {
 
 
 def time_plot(
-    panel: Panel,
+    panel: panels.Panel,
     span: tuple[float, float],
     changes: Sequence[ParameterChange] = (),
     *,
-    ranges: int = MOST,
+    ranges: int = packed_samples.MOST,
     is_logarithmic: bool = False,
 ) -> Figure:
     """
@@ -93,11 +75,11 @@ def time_plot(
         whether the ordinate is logarithmic.
 
     """
-    figure = panel_plot(panel, 'time (s)', partial(packed_signal, most=ranges))
+    figure = panel_plot(panel, 'time (s)', partial(packed_samples.packed_signal, most=ranges))
     layout = figure['layout']
     layout['xaxis']['range'] = list(span)
     if is_logarithmic:
-        ends = logarithmic_range(panel)
+        ends = panels.logarithmic_range(panel)
         decades = None if ends is None else [math.log10(end) for end in ends]
         layout['yaxis'] |= {'type': 'log', 'dtick': 1, 'tickformat': '~g'}
         if decades is not None:
@@ -114,7 +96,7 @@ def time_plot(
 
 
 def panel_plot(
-    panel: Panel, abscissa: str, pack: Callable[[Array, Array], dict[str, str]]
+    panel: panels.Panel, abscissa: str, pack: Callable[[Array, Array], dict[str, str]]
 ) -> Figure:
     """Draw lines whose colours and visible samples the page sets; `pack` packs their samples."""
     traces = []
@@ -157,7 +139,7 @@ def _mark(figure: Figure, changes: Sequence[ParameterChange], duration: float) -
         'marker': {'symbol': 'triangle-down', 'size': 12},
         'text': names,
         'textposition': 'bottom right',
-        'meta': {'colour': INK},
+        'meta': {'colour': panels.INK},
         'cliponaxis': False,
         'hovertext': [_mark_text(mark) for mark in marks],
         'hovertemplate': '%{x:.3f} s<br>%{hovertext}<extra></extra>',
@@ -221,11 +203,11 @@ class Plot(NamedTuple):
 
 
 def comparison_plots(
-    of_runs: Sequence[tuple[str, Sequence[Panel]]], span: tuple[float, float]
+    of_runs: Sequence[tuple[str, Sequence[panels.Panel]]], span: tuple[float, float]
 ) -> list[Plot]:
     """Return the panels of a comparison, without those that no run has."""
     plots = []
-    for panel in comparison_panels(of_runs):
+    for panel in panels.comparison_panels(of_runs):
         # A logarithmic axis does not show zero.
         drawn = [
             line._replace(y=np.where(line.y == 0.0, np.nan, line.y))
@@ -244,7 +226,7 @@ def adaptation_plots(
 ) -> list[Plot]:
     """Return a small plot for each parameter, with the estimates of all runs."""
     plots = []
-    for panel in adaptation_panels(adapted):
+    for panel in panels.adaptation_panels(adapted):
         figure = time_plot(panel, span)
         figure['layout']['showlegend'] = len(panel.lines) <= NAMED
         plots.append(Plot(panel.name, panel.title, figure))
@@ -267,12 +249,12 @@ def run_plots(compared: Compared, ranges: int, *, has_estimates: bool) -> list[P
     """
     run, changes = compared.run, run_changes(compared.run)
     span = (0.0, float(run.times[-1] - run.times[0]))
-    path = path_panel(run, compared.tracked)
-    plane = panel_plot(path, '<i>x</i> (m)', partial(packed_path, most=ranges))
+    path = panels.path_panel(run, compared.tracked)
+    plane = panel_plot(path, '<i>x</i> (m)', partial(packed_samples.packed_path, most=ranges))
     plane['layout']['yaxis']['scaleanchor'] = 'x'
     robot = run_robot(run)
-    if robot is not None and ranges >= REPLAYED:
-        replayed = packed_robot(robot, run.times - run.times[0], run.position)
+    if robot is not None and ranges >= packed_samples.REPLAYED:
+        replayed = packed_samples.packed_robot(robot, run.times - run.times[0], run.position)
         plane['layout']['meta'] = {'robot': replayed}
     return [Plot(path.name, path.title, plane, is_over_time=False)] + [
         Plot(panel.name, panel.title, time_plot(panel, span, changes, ranges=ranges))
@@ -281,13 +263,13 @@ def run_plots(compared: Compared, ranges: int, *, has_estimates: bool) -> list[P
     ]
 
 
-def _shown(run: Run, tracked: Tracking) -> Iterator[Panel]:
+def _shown(run: Run, tracked: Tracking) -> Iterator[panels.Panel]:
     """Yield all panels over time."""
     mechanism, start = run.mechanism, run.times[0]
     if len(tracked.error):
         for point in mechanism.points:
             names = [f'e of {axis.html}' for axis in mechanism.axes[point.axes]]
-            yield error_panel(tracked, point, names)
+            yield panels.error_panel(tracked, point, names)
     signals = [signal for signal in PUBLISHED if signal.title and signal.name in run.telemetry]
     yield from (_published(run, signal) for signal in signals if signal.size == 'axes')
     if run.commands_rates or len(run.cmd_vel):
@@ -297,19 +279,19 @@ def _shown(run: Run, tracked: Tracking) -> Iterator[Panel]:
     if len(set(units)) > 1:
         drives = [f'{name} ({unit})' for name, unit in zip(drives, units, strict=True)]
         quantity = 'torque or force'
-    title, drawn = 'Applied torques', lines(drives, run.times - start, run.applied_effort)
+    title, drawn = 'Applied torques', panels.lines(drives, run.times - start, run.applied_effort)
     if len(run.torque):
-        title, drawn = 'Commanded torques', lines(
+        title, drawn = 'Commanded torques', panels.lines(
             drives, run.torque.times - start, run.torque.values
         )
         drawn += _raw_torques(run)
-    yield Panel('torque', title, quantity, drawn, has_peaks=True)
+    yield panels.Panel('torque', title, quantity, drawn, has_peaks=True)
     yield from (_published(run, signal) for signal in signals if signal.size != 'axes')
     if run.contact is not None:
         yield from _contacts(run, run.contact)
 
 
-def _published(run: Run, signal: Signal) -> Panel:
+def _published(run: Run, signal: Signal) -> panels.Panel:
     """Return the panel of a signal of the controller."""
     series, components = run.telemetry[signal.name], run.components(signal)
     quantity = symbol = signal.symbol or signal.name
@@ -319,15 +301,15 @@ def _published(run: Run, signal: Signal) -> Panel:
         quantity = f'{symbol} ({units[0]})'
         names = [f'{symbol} of {c.html}' if c.html else symbol for c in components]
     title, values = signal.title, series.values
-    if len(names) > MULTIPLES:
-        title = f'{title}: the {MULTIPLES} of {len(names)} that move most'
-        chosen = np.sort(np.argsort(np.nan_to_num(np.ptp(values, axis=0)))[-MULTIPLES:])
+    if len(names) > panels.MULTIPLES:
+        title = f'{title}: the {panels.MULTIPLES} of {len(names)} that move most'
+        chosen = np.sort(np.argsort(np.nan_to_num(np.ptp(values, axis=0)))[-panels.MULTIPLES:])
         names, values = [names[i] for i in chosen], values[:, chosen]
-    drawn = lines(names, series.times - run.times[0], values)
-    return Panel(signal.name, title, quantity, drawn, has_peaks=signal.size == 'axes')
+    drawn = panels.lines(names, series.times - run.times[0], values)
+    return panels.Panel(signal.name, title, quantity, drawn, has_peaks=signal.size == 'axes')
 
 
-def _raw_torques(run: Run) -> list[Line]:
+def _raw_torques(run: Run) -> list[panels.Line]:
     """Return the torques of the law, of the joints whose torques were limited."""
     raw = run.telemetry.get('raw_torque')
     if raw is None:
@@ -335,11 +317,11 @@ def _raw_torques(run: Run) -> list[Line]:
     _, sent, requested = np.intersect1d(run.torque.times, raw.times, return_indices=True)
     is_limited = (run.torque.values[sent] != raw.values[requested]).any(axis=0)
     names = [f'{joint.label}, requested' for joint in run.mechanism.joints]
-    drawn = lines(names, raw.times - run.times[0], raw.values)
+    drawn = panels.lines(names, raw.times - run.times[0], raw.values)
     return [line._replace(dash='dot') for line in compress(drawn, is_limited)]
 
 
-def _contacts(run: Run, contact: Series) -> Iterator[Panel]:
+def _contacts(run: Run, contact: Series) -> Iterator[panels.Panel]:
     """Yield slip and forces of the wheels on the ground."""
     names = run.contact_names
     values = contact.values.reshape(len(contact), len(names), len(CONTACT))
@@ -352,11 +334,11 @@ def _contacts(run: Run, contact: Series) -> Iterator[Panel]:
             f'{escape(place)}, {CONTACT[part].description}' for place in names for part in parts
         ]
         shown = values[:, :, parts].reshape(len(contact), -1)
-        drawn = lines(labels, contact.times - run.times[0], shown)
-        yield Panel(name, title, f'{quantity} ({unit})', drawn)
+        drawn = panels.lines(labels, contact.times - run.times[0], shown)
+        yield panels.Panel(name, title, f'{quantity} ({unit})', drawn)
 
 
-def _velocities(run: Run) -> Iterator[Panel]:
+def _velocities(run: Run) -> Iterator[panels.Panel]:
     """Yield the commanded velocities, in m/s and in rad/s, each with its own times."""
     mechanism, start = run.mechanism, run.times[0]
     entries = [(velocity.name, velocity.unit) for velocity in mechanism.twist]
@@ -367,13 +349,13 @@ def _velocities(run: Run) -> Iterator[Panel]:
         for values in series.values.T
     ]
     drawn = [
-        (unit, Line(name, times, values, colour))
-        for (name, unit), (times, values), colour in zip(entries, columns, cycle(COLOURS))
+        (unit, panels.Line(name, times, values, colour))
+        for (name, unit), (times, values), colour in zip(entries, columns, cycle(panels.COLOURS))
         if len(times)  # with command_interface hybrid only the base has velocities
     ]
     speeds = [line for unit, line in drawn if unit == 'm/s']
     rates = [line for unit, line in drawn if unit != 'm/s']
     if speeds:
-        yield Panel('speed', 'Commanded speed', 'speed (m/s)', speeds)
+        yield panels.Panel('speed', 'Commanded speed', 'speed (m/s)', speeds)
     if rates:
-        yield Panel('rates', 'Commanded rates', 'rate (rad/s)', rates)
+        yield panels.Panel('rates', 'Commanded rates', 'rate (rad/s)', rates)

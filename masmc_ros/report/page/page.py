@@ -16,11 +16,11 @@ from markupsafe import Markup
 from masmc_ros.law.parts.model import MODEL_SCALE
 from masmc_ros.log.read.reader import Run
 from masmc_ros.report.measure.adaptation import assumed_model
+from masmc_ros.report.measure.findings import verdict
 from masmc_ros.report.measure.labels import as_line
 from masmc_ros.report.measure.metrics import Metrics
 from masmc_ros.report.measure.parameters import differences, run_order
 from masmc_ros.report.measure.table import notes, shown_columns
-from masmc_ros.report.measure.verdict import verdict
 from masmc_ros.report.page.interactive import adaptation_plots, comparison_plots, NAMED
 from masmc_ros.report.page.metrics_table import adaptation_table, hidden_differences, metrics_table
 from masmc_ros.report.page.packed_samples import COMPLETE
