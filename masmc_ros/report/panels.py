@@ -335,19 +335,3 @@ def _norm(symbol: str, units: Iterable[str]) -> str:
 def _columns(run: Run, series: Series, columns: slice | list[int]) -> _Vectors:
     """Return columns of a series of a run."""
     return series.times - run.times[0], series.values[:, columns]
-
-
-MOST_ESTIMATES = 12
-"""Largest number of estimates in one plot; of more, the masses are shown."""
-
-MASS = '_mass'
-"""End of the names of the masses of bodies."""
-
-
-def shown_parameters(theta: Sequence[Quantity]) -> list[int]:
-    """Return the indices of the parameters to plot: all, or the masses of many bodies."""
-    return [
-        i
-        for i, parameter in enumerate(theta)
-        if len(theta) <= MOST_ESTIMATES or parameter.name.endswith(MASS)
-    ]

@@ -18,7 +18,7 @@ import lz4.frame
 from masmc_ros.cli.main import main
 from masmc_ros.log import codec
 from masmc_ros.log.codec import decompressed, RECORD_HEAD
-from masmc_ros.log.read.contents import scan
+from masmc_ros.log.read.scan import scan
 from masmc_ros.log.recover import recover
 from mcap.reader import make_reader
 from mcap.records import Channel, Chunk, ChunkIndex, Message

@@ -12,8 +12,8 @@ from typing import Any
 
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
-from masmc_ros.log.read.contents import scan
 from masmc_ros.log.read.reader import read_run
+from masmc_ros.log.read.scan import scan
 from masmc_ros.log.write.writer import LogWriter
 import numpy as np
 import pytest

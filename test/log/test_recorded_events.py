@@ -121,8 +121,8 @@ def test_simulation_log_contains_events(
 
 def from_metadata(run: Run) -> list[ParameterRecord]:
     """Return the changes in the metadata, as for a log without the topics."""
-    from masmc_ros.log.read.contents import scan
     from masmc_ros.log.read.parameter_history import _from_metadata
+    from masmc_ros.log.read.scan import scan
 
     history = _from_metadata(scan(run.path))
     return [

@@ -15,8 +15,8 @@ import time
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.bag import part_names, Qos
-from masmc_ros.log.read.contents import scan
 from masmc_ros.log.read.reader import read_run
+from masmc_ros.log.read.scan import scan
 from masmc_ros.log.recover import recover
 from masmc_ros.log.write.recording import LOST, Options, Recording
 from masmc_ros.log.write.writer import LogWriter

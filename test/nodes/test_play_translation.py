@@ -22,7 +22,7 @@ from masmc_ros.nodes.play.run_report import write_report_so_far
 from masmc_ros.nodes.play.samples import SampleWindow, TimeSpeed, WINDOW
 from masmc_ros.nodes.play.scene import RobotScene
 from masmc_ros.params.presentation import gain_text, level_of, scaled, slider_range, SLIDERS
-from masmc_ros.report.panels import shown_parameters
+from masmc_ros.robot.declaration import shown_parameters
 from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.scenario.node_parameters import declared

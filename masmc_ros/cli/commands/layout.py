@@ -19,8 +19,7 @@ from masmc_ros.log.bag import check_apart
 from masmc_ros.log.read.reader import is_log, read_run
 from masmc_ros.messages.telemetry import STAMP_NUMBERS
 from masmc_ros.messages.topics import COMMAND_TOPIC, STATE_TOPIC, telemetry_topic
-from masmc_ros.report.panels import MASS, shown_parameters
-from masmc_ros.robot.declaration import Mechanism, Quantity
+from masmc_ros.robot.declaration import MASS, Mechanism, Quantity, shown_parameters
 from masmc_ros.robot.mechanisms import DEFAULT, mechanism_from
 from masmc_ros.scenario.scenario import load_scenario
 

@@ -16,9 +16,7 @@ from collections.abc import Sequence
 import importlib
 from itertools import takewhile
 import os
-import shutil
 import sys
-import textwrap
 from types import FrameType
 
 from masmc_ros.errors import remedy, require_rclpy, suggestion, UserError
@@ -82,6 +80,9 @@ _WIDEST = 99
 
 def _node_help(name: str, description: str) -> str:
     """Return the help of a node, as wide as the terminal."""
+    import shutil
+    import textwrap
+
     from masmc_ros.params.presentation import plain_list
     from masmc_ros.scenario.node_parameters import declared, shared
 

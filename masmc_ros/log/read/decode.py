@@ -1,20 +1,23 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Arrays of the messages of a topic: known layouts are read in bulk, others one by one."""
+"""
+Content of a log, and arrays of the messages of a topic.
+
+Known layouts are read in bulk, others one by one.
+"""
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 from masmc_ros.aliases import Array, Bytes, Flags, Integers, Stamps
 from masmc_ros.errors import InputError
-from masmc_ros.log.read.contents import NO_TIME, Topic
 from masmc_ros.messages import cdr_layout, deserialised
 from masmc_ros.messages.commands import CommandKind, LabelledCdr
 from masmc_ros.messages.joint_state import FIELDS, joint_state_layout, JointStateCdr
@@ -22,6 +25,68 @@ from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.messages.telemetry import STAMP_NUMBERS, telemetry_layout, TelemetryCdr
 from masmc_ros.messages.topics import JOINTS
 import numpy as np
+
+if TYPE_CHECKING:
+    from mcap.records import Schema
+
+
+NO_TIME = -(2**63)
+"""Log time of a message whose time is not known."""
+
+LATEST_TIME = 2**62
+"""Latest log time in ns, of the year 2116: sums fit into 64 bits. Damaged logs have later ones."""
+
+
+@dataclass
+class Topic:
+    """
+    One topic of a log and its messages.
+
+    Attributes
+    ----------
+    name
+        full name.
+    encoding
+        encoding of the messages, `cdr` for ROS 2.
+    schema
+        definition of the messages; None if the log has none.
+    log_times
+        log time of each message in ns.
+    messages
+        received bytes of each message.
+    orders
+        position of each message among all messages of the log.
+
+    """
+
+    name: str
+    encoding: str
+    schema: Schema | None
+    log_times: list[int] = field(default_factory=list)
+    messages: list[bytes] = field(default_factory=list)
+    orders: list[int] = field(default_factory=list)
+
+
+@dataclass
+class LogContents:
+    """
+    Content of a log, in the order of the file.
+
+    Attributes
+    ----------
+    topics
+        topics by name.
+    metadata
+        records of each name.
+    attachments
+        last file of each name.
+
+    """
+
+    topics: dict[str, Topic] = field(default_factory=dict)
+    metadata: dict[str, list[dict[str, str]]] = field(default_factory=dict)
+    attachments: dict[str, bytes] = field(default_factory=dict)
+
 
 _STAMP_LIMITS = (cdr_layout.END_OF_TIME / cdr_layout.NANOSECONDS, cdr_layout.NANOSECONDS)
 """Upper limits of the seconds and nanoseconds of a stamp."""

@@ -18,7 +18,7 @@ from masmc_ros.jit.field import ONE
 from masmc_ros.law.command_interface import COMMAND_INTERFACE, COMMAND_INTERFACES, HYBRID
 from masmc_ros.log.bag import METADATA_FILE
 from masmc_ros.log.read import decode
-from masmc_ros.log.read.contents import LogContents, NO_TIME, Topic
+from masmc_ros.log.read.decode import LogContents, NO_TIME, Topic
 from masmc_ros.log.read.parameter_history import parameter_history
 from masmc_ros.log.read.platform_motion import twists, with_platform_pose
 from masmc_ros.log.read.timeline import (
@@ -226,7 +226,7 @@ def read_run(path: str | Path) -> Run:
 
     """
     # Imported here: commands that read no log need no MCAP libraries.
-    from masmc_ros.log.read.contents import scan
+    from masmc_ros.log.read.scan import scan
 
     path = Path(path)
     contents = scan(path)

@@ -16,8 +16,7 @@ from typing import cast, NamedTuple
 
 from masmc_ros.aliases import Array, Flags, Indices, Integers, Stamps
 from masmc_ros.errors import InputError
-from masmc_ros.log.read.contents import LogContents, NO_TIME, Topic
-from masmc_ros.log.read.decode import Series
+from masmc_ros.log.read.decode import LogContents, NO_TIME, Series, Topic
 from masmc_ros.messages.cdr_layout import NANOSECONDS
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.messages.stamps import header_stamp

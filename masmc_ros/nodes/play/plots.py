@@ -18,8 +18,7 @@ from masmc_ros.loop.simulated_robot import disturbance_waves
 from masmc_ros.nodes.play.samples import SampleWindow
 from masmc_ros.params.declaration import check_all, MutableValues, Values
 from masmc_ros.report.measure.adaptation import divisors, TrueTheta
-from masmc_ros.report.panels import MASS, shown_parameters
-from masmc_ros.robot.declaration import Mechanism
+from masmc_ros.robot.declaration import MASS, Mechanism, shown_parameters
 from masmc_ros.robot.mechanisms import joint_names, mechanism_from
 from masmc_ros.robot.robot import Robot, robot_description, robot_of
 from masmc_ros.scenario.node_parameters import declared

@@ -89,8 +89,8 @@ def path_figure(run: Run, tracked: Tracking, label: str) -> Figure | None:
     axes.set_xlabel('$x$ (m)' if is_flat else '$x$ (m), top view without $z$')
     axes.set_ylabel(style.mathtext(panel.quantity))
     width, height = _fit(axes)
-    size = (_SURROUND + height / width * _WIDTH) / style.PAGE
-    figure.set_figheight(figure.get_figwidth() * size)
+    page = _SURROUND + height / width * _WIDTH
+    figure.set_figheight(figure.get_figwidth() * page / style.PAGE)
     style.caption(figure, axes, label, lines)
     return figure
 

@@ -19,10 +19,10 @@ from xml.etree import ElementTree as Xml
 from masmc_ros.aliases import Array
 from masmc_ros.params.declaration import Values
 from masmc_ros.robot.declaration import Outline, Shape
-from masmc_ros.robot.two_link.constants import constants, ROBOT
+from masmc_ros.robot.two_link.constants import constants
 from masmc_ros.robot.two_link.frames import frame_origins, link_thickness, PLATFORM_TOP
 from masmc_ros.robot.two_link.geometry import Geometry
-from masmc_ros.robot.two_link.paper_robot import FIXED_JOINT, FRAMES
+from masmc_ros.robot.two_link.paper_robot import FIXED_JOINT, FRAMES, ROBOT
 import numpy as np
 
 _COLOURS = {

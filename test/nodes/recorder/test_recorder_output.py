@@ -11,7 +11,7 @@ import re
 from typing import Any
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.read.contents import scan
+from masmc_ros.log.read.scan import scan
 from masmc_ros.log.write.recording import Recording
 from masmc_ros.nodes.recorder.output import Attachments, open_recording
 from masmc_ros.params.declaration import check_all

@@ -1,88 +1,21 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""
-Content of a log: topics with their messages, metadata and attachments, read in bulk.
-
-Records are read in the order in which they were written.
-"""
+"""Bulk reading of the records of an MCAP file, in the order in which they were written."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 import mmap
 import os
 from pathlib import Path
 import struct
-from typing import TYPE_CHECKING
 
 from masmc_ros.errors import InputError
 from masmc_ros.log import codec
 from masmc_ros.log.bag import part_names, REPEATED
+from masmc_ros.log.read.decode import LATEST_TIME, LogContents, Topic
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
-
-if TYPE_CHECKING:
-    from mcap.records import Schema
-
-
-NO_TIME = -(2**63)
-"""Log time of a message whose time is not known."""
-
-LATEST_TIME = 2**62
-"""Latest log time in ns, of the year 2116: sums fit into 64 bits. Damaged logs have later ones."""
-
-
-@dataclass
-class Topic:
-    """
-    One topic of a log and its messages.
-
-    Attributes
-    ----------
-    name
-        full name.
-    encoding
-        encoding of the messages, `cdr` for ROS 2.
-    schema
-        definition of the messages; None if the log has none.
-    log_times
-        log time of each message in ns.
-    messages
-        received bytes of each message.
-    orders
-        position of each message among all messages of the log.
-
-    """
-
-    name: str
-    encoding: str
-    schema: Schema | None
-    log_times: list[int] = field(default_factory=list)
-    messages: list[bytes] = field(default_factory=list)
-    orders: list[int] = field(default_factory=list)
-
-
-@dataclass
-class LogContents:
-    """
-    Content of a log, in the order of the file.
-
-    Attributes
-    ----------
-    topics
-        topics by name.
-    metadata
-        records of each name.
-    attachments
-        last file of each name.
-
-    """
-
-    topics: dict[str, Topic] = field(default_factory=dict)
-    metadata: dict[str, list[dict[str, str]]] = field(default_factory=dict)
-    attachments: dict[str, bytes] = field(default_factory=dict)
-
 
 _LARGEST_RATIO = 500
 """Maximum ratio of the unpacked size of a log to its own size; runs reach about 50."""
