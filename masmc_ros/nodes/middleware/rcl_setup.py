@@ -38,6 +38,12 @@ _RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 _AS_IN_PROFILES = 'SYSTEM_DEFAULT'
 
 
+def prepare_rcl() -> None:
+    """Prepare transport and log files; call this before rclpy is initialized."""
+    prepare_transport()
+    prepare_log_folder()
+
+
 def prepare_transport() -> None:
     """
     Restrict the nodes that this process creates from here on to UDP.
@@ -48,8 +54,8 @@ def prepare_transport() -> None:
     reaching deadlock with shared memory"). This function and `fast_dds/` can be removed when
     publishers on shared memory pass `test/nodes/recorder/test_listeners_killed.py`.
 
-    Call this before rclpy is initialized. Nothing changes with another middleware, or if the
-    user has chosen transports (FASTDDS_BUILTIN_TRANSPORTS) or profiles of Fast DDS.
+    Nothing changes with another middleware, or if the user has chosen transports
+    (FASTDDS_BUILTIN_TRANSPORTS) or profiles of Fast DDS.
     """
     environment = os.environ
     if not get_rmw_implementation_identifier().startswith('rmw_fastrtps'):
@@ -85,7 +91,7 @@ def prepare_log_folder() -> None:
     rcl writes into `~/.ros/log`, and no node starts if that is not possible. This function can be
     removed when nodes start without it (`test/cli/test_environment.py`).
 
-    Call this before rclpy is initialized. Nothing changes if the user has chosen a folder.
+    Nothing changes if the user has chosen a folder.
     """
     if any(os.environ.get(name) for name in _CONFIGURED):
         return
@@ -119,8 +125,7 @@ def prepare_logging() -> None:
 @contextmanager
 def client_node(name: str, domain: int | None = None) -> Iterator[tuple[Node, Executor]]:
     """Yield a node and its executor, in a ROS domain; None: that of the environment."""
-    prepare_transport()
-    prepare_log_folder()
+    prepare_rcl()
     context = Context()
     options = SignalHandlerOptions.NO
     # Without the arguments of the command: rcl accepts only UTF-8.

@@ -20,11 +20,7 @@ from types import FrameType
 from typing import Protocol
 
 from masmc_ros.errors import InputError, UserError
-from masmc_ros.nodes.middleware.rcl_setup import (
-    prepare_log_folder,
-    prepare_logging,
-    prepare_transport,
-)
+from masmc_ros.nodes.middleware.rcl_setup import prepare_logging, prepare_rcl
 from masmc_ros.nodes.process.command_line import parse
 from masmc_ros.nodes.process.ending import ending_at_once, on_end
 import rclpy
@@ -76,8 +72,7 @@ def _run(factories: Sequence[Factory], arguments: list[str]) -> int:
     command_line = parse(arguments)
     stop = StopSignals()
     context = Context()
-    prepare_transport()
-    prepare_log_folder()
+    prepare_rcl()
     # rcl would log errors of the arguments in addition to the line below.
     set_logger_level('rcl', LoggingSeverity.FATAL)
     try:
