@@ -36,7 +36,7 @@ from masmc_ros.loop.law_code import fitting
 from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.parameter_record import read_record
 from masmc_ros.messages.stamps import header_stamp
-from masmc_ros.nodes.middleware.topics import subscription_qos
+from masmc_ros.nodes.middleware.ros_topics import subscription_qos
 from masmc_ros.robot.mechanisms import driven_joint_names, mechanism_from
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np

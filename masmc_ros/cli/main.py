@@ -179,8 +179,6 @@ def _discard_output() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-
-
 def _complete() -> int:
     """
     Print completions of the words in the environment, and end the process.

@@ -26,6 +26,7 @@ _FARTHEST = 0.3
 EXPECTED_MOMENTS = _HEAVIEST * np.repeat([1.0, _FARTHEST, _FARTHEST**2], [1, 3, 6])
 """(10) Expected sizes of the mass, and of the first and second moments, in kg, kg·m and kg·m²."""
 
+
 class Load(NamedTuple):
     """
     Mass and centre of mass of a load.

@@ -26,7 +26,7 @@ from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.messages.topics import COMMAND_TOPIC, REFERENCE_TOPIC, STATE_TOPIC
 from masmc_ros.nodes.middleware.rcl_setup import client_node
-from masmc_ros.nodes.middleware.topics import publisher_qos, subscribe
+from masmc_ros.nodes.middleware.ros_topics import publisher_qos, subscribe
 from masmc_ros.nodes.plant.command_input import torque_sources
 from masmc_ros.params.declaration import Values
 from masmc_ros.robot.mechanisms import driven_joint_names, joint_names

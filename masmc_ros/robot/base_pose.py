@@ -40,7 +40,6 @@ class Motion(Protocol):
         """Return the motion between two stamps in the frame at the first; None if unknown."""
 
 
-
 class BasePose:
     """
     Latest odometry, extrapolated to the stamps of the joint states.

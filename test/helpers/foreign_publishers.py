@@ -26,7 +26,7 @@ from masmc_ros.messages.topics import (
     TOPICS,
 )
 from masmc_ros.messages.transforms import TransformsCdr
-from masmc_ros.nodes.middleware.topics import message_class
+from masmc_ros.nodes.middleware.ros_topics import message_class
 import numpy as np
 from rclpy.serialization import serialize_message
 

@@ -25,7 +25,7 @@ from helpers.processes import (
 from masmc_ros.messages.message import text_of
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.messages.topics import JOINTS, TELEMETRY, telemetry_topic
-from masmc_ros.nodes.middleware.topics import Latched, publisher_qos
+from masmc_ros.nodes.middleware.ros_topics import Latched, publisher_qos
 from nav_msgs.msg import Path as PathMessage
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock

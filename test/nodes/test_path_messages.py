@@ -22,7 +22,7 @@ from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.platform_messages import OdometryCdr
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.messages.transforms import TransformsCdr
-from masmc_ros.nodes.middleware.topics import raw_class
+from masmc_ros.nodes.middleware.ros_topics import raw_class
 from masmc_ros.nodes.trajectory.path_messages import PathMessages, PathRequest
 from masmc_ros.nodes.trajectory.received_paths import ReceivedPaths
 from masmc_ros.reference.joint_path import JointPoints

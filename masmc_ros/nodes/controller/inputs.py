@@ -20,7 +20,7 @@ from masmc_ros.messages.platform_messages import odometry_numbers
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.messages.topics import REFERENCE_TOPIC, TRANSFORMS
 from masmc_ros.messages.transforms import transforms_of
-from masmc_ros.nodes.middleware.topics import (
+from masmc_ros.nodes.middleware.ros_topics import (
     deserialized,
     raw_class,
     subscribe_with_past,

@@ -65,7 +65,7 @@ from masmc_ros.nodes.controller.output import (
     ControllerTelemetry,
     TorqueOutput,
 )
-from masmc_ros.nodes.middleware.topics import subscribe_with_past
+from masmc_ros.nodes.middleware.ros_topics import subscribe_with_past
 from masmc_ros.nodes.parameters.ros_parameters import Pending
 from masmc_ros.nodes.process.base import (
     Health,

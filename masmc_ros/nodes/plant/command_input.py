@@ -20,7 +20,7 @@ from masmc_ros.messages.cdr_layout import checked_stamp
 from masmc_ros.messages.commands import ArmVelocityCdr, EffortCdr, LabelledCdr
 from masmc_ros.messages.platform_messages import twist_numbers, TwistCdr, TwistStampedCdr
 from masmc_ros.messages.stamps import header_stamp
-from masmc_ros.nodes.middleware.topics import deserialized, subscribe_with_past
+from masmc_ros.nodes.middleware.ros_topics import deserialized, subscribe_with_past
 from masmc_ros.nodes.process.base import RejectedMessages
 from masmc_ros.params.declaration import Values
 from masmc_ros.plant.plant_core import CommandPart

@@ -19,7 +19,7 @@ from masmc_ros.loop.plant_parameters import MAX_REAL_TIME_FACTOR, PUSH, REAL_TIM
 from masmc_ros.loop.simulated_robot import plant_of
 from masmc_ros.loop.timing import PACING, Timing
 from masmc_ros.messages.stamps import header_stamp
-from masmc_ros.nodes.middleware.topics import subscription_qos
+from masmc_ros.nodes.middleware.ros_topics import subscription_qos
 from masmc_ros.nodes.parameters.ros_parameters import Pending
 from masmc_ros.nodes.plant.command_input import CommandInput
 from masmc_ros.nodes.plant.health import PlantHealth

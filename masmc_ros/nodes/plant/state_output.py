@@ -20,7 +20,7 @@ from masmc_ros.messages.message import string_message
 from masmc_ros.messages.platform_messages import OdometryCdr, TimeCdr, TwistCdr
 from masmc_ros.messages.telemetry import TelemetryCdr
 from masmc_ros.messages.transforms import TransformsCdr
-from masmc_ros.nodes.middleware.topics import DEEP, raw_class
+from masmc_ros.nodes.middleware.ros_topics import DEEP, raw_class
 from masmc_ros.nodes.process.base import SuiteNode
 from masmc_ros.params.declaration import MutableValues
 from masmc_ros.robot.mechanisms import check_frame_prefix, FRAME_PREFIX, joint_names

@@ -24,7 +24,12 @@ from masmc_ros.messages.message import text_of
 from masmc_ros.messages.parameter_record import ParameterRecord
 from masmc_ros.messages.path import path_points
 from masmc_ros.messages.telemetry import TelemetryCdr
-from masmc_ros.nodes.middleware.topics import DEEP, deserialized, subscribe, subscribe_with_past
+from masmc_ros.nodes.middleware.ros_topics import (
+    DEEP,
+    deserialized,
+    subscribe,
+    subscribe_with_past,
+)
 from masmc_ros.nodes.parameters.services import ServiceCall
 from masmc_ros.nodes.parameters.viewer_parameters import ParameterRequest, ViewerParameters
 from masmc_ros.nodes.play import page

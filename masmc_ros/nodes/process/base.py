@@ -20,7 +20,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from masmc_ros.control.actions import Record, Throttle
 from masmc_ros.errors import InputError, UserError
 from masmc_ros.messages.parameter_record import ParameterRecord
-from masmc_ros.nodes.middleware.topics import DEEP, Latched, publisher_qos
+from masmc_ros.nodes.middleware.ros_topics import DEEP, Latched, publisher_qos
 from masmc_ros.nodes.parameters.ros_parameters import ParameterNode, RosParameters
 from masmc_ros.nodes.process.command_line import CommandLine
 from masmc_ros.params.declaration import Values

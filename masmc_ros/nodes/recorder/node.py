@@ -42,7 +42,7 @@ from masmc_ros.messages.topics import (
     TOPICS,
     TRANSFORMS,
 )
-from masmc_ros.nodes.middleware.topics import (
+from masmc_ros.nodes.middleware.ros_topics import (
     DEEP,
     raw_class,
     subscribe,

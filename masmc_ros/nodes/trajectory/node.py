@@ -21,7 +21,7 @@ from masmc_ros.messages.cdr_layout import checked_stamp
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.messages.topics import CONTROLLER_STATE_TOPIC, DESIRED_PATH_TOPIC
-from masmc_ros.nodes.middleware.topics import deserialized, subscribe_with_past
+from masmc_ros.nodes.middleware.ros_topics import deserialized, subscribe_with_past
 from masmc_ros.nodes.parameters.ros_parameters import Pending
 from masmc_ros.nodes.process.base import Health, publish_health, RejectedMessages, SuiteNode
 from masmc_ros.nodes.process.command_line import CommandLine

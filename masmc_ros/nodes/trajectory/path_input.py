@@ -17,7 +17,7 @@ from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.platform_messages import odometry_numbers
 from masmc_ros.messages.topics import TRANSFORMS
 from masmc_ros.messages.transforms import FrameTree
-from masmc_ros.nodes.middleware.topics import (
+from masmc_ros.nodes.middleware.ros_topics import (
     deserialized,
     raw_class,
     subscribe,

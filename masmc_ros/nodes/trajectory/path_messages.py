@@ -20,7 +20,7 @@ from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.messages.cdr_layout import checked_stamp, ENCAPSULATION, NANOSECONDS, STAMP
 from masmc_ros.messages.transforms import moved
-from masmc_ros.nodes.middleware.topics import deserialized
+from masmc_ros.nodes.middleware.ros_topics import deserialized
 from masmc_ros.reference.joint_path import JointPoints
 from masmc_ros.reference.pose_path import PosePoints, TwistPoints
 from masmc_ros.reference.trajectory import Trajectory

@@ -27,7 +27,7 @@ from masmc_ros.messages.stamps import stamp_reader
 from masmc_ros.messages.telemetry import TelemetryCdr
 from masmc_ros.messages.topics import DRIVEN_JOINTS
 from masmc_ros.messages.transforms import TransformsCdr
-from masmc_ros.nodes.middleware.topics import raw_class
+from masmc_ros.nodes.middleware.ros_topics import raw_class
 from masmc_ros.nodes.plant.command_input import base_sources, torque_sources
 from masmc_ros.robot.mechanisms import DEFAULT
 from mcap.reader import make_reader
