@@ -36,7 +36,7 @@ shims = []
 if is_wheel:
     shims = [(f'lib/{NAME}', sorted(glob('shims/*')))]
 else:
-    scripts += [f'{node} = masmc_ros.cli.executables:{node}' for node in NODES]
+    scripts += [f'{node} = masmc_ros.cli.main:{node}' for node in NODES]
     shims = [('bin', ['scripts/masmc'])]
 
 setup(

@@ -25,11 +25,10 @@ from typing import Any, NamedTuple
 from benchmarks.kernel import compared_with_c
 from benchmarks.measure import compared, Measure
 from masmc_ros.campaign.campaign import Campaign, campaign_of
-from masmc_ros.campaign.draws import draw
 from masmc_ros.campaign.engine import carry_out, part_size
-from masmc_ros.campaign.part import evaluated, rows, rows_of_text
-from masmc_ros.campaign.runs import LANES
-from masmc_ros.share import scenario_file
+from masmc_ros.campaign.runs import evaluated, LANES, rows, rows_of_text
+from masmc_ros.campaign.variable import draw
+from masmc_ros.files import scenario_file
 
 
 class Sizes(NamedTuple):

@@ -33,7 +33,7 @@ import llvmlite.binding as llvm
 from masmc_ros.api.episodes import Episodes
 from masmc_ros.campaign.campaign import Campaign
 from masmc_ros.campaign.engine import carry_out
-from masmc_ros.campaign.part import Rows, rows
+from masmc_ros.campaign.runs import Rows, rows
 from masmc_ros.child_process import processors
 from masmc_ros.errors import InputError
 from masmc_ros.law.registry import LAWS

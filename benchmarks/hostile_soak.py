@@ -31,14 +31,14 @@ from benchmarks.hostile import RandomInput
 from benchmarks.hostile_client import HostileClient
 from benchmarks.live_nodes import memory
 from lifecycle_msgs.msg import Transition
-from masmc_ros.cli.endings import child_environment
-from masmc_ros.cli.private_domain import private_domain
+from masmc_ros.cli.node_processes import private_domain
 from masmc_ros.errors import InputError
 from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.joint_state import JointStateCdr
+from masmc_ros.messages.message import text_of
 from masmc_ros.messages.parameter_record import record_of
-from masmc_ros.messages.std_msgs import text_of
-from masmc_ros.nodes.middleware.transport import prepare_transport
+from masmc_ros.nodes.middleware.rcl_setup import prepare_transport
+from masmc_ros.nodes.process.ending import child_environment
 import rclpy
 from rclpy.context import Context
 from rclpy.experimental.events_executor import EventsExecutor

@@ -18,6 +18,7 @@ import tempfile
 import time
 
 from benchmarks.measure import compared, Measure
+from masmc_ros.files import shared_file
 from masmc_ros.jit.compiled import bound
 from masmc_ros.jit.record import take_over
 from masmc_ros.law.registry import LAWS
@@ -28,7 +29,6 @@ from masmc_ros.loop.simulation import Simulation
 from masmc_ros.native.library import write_library
 from masmc_ros.native.targets import TARGETS
 from masmc_ros.scenario.scenario import load_scenario
-from masmc_ros.share import shared_file
 import numpy as np
 
 LANES, BLOCK = 16, 100

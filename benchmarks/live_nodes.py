@@ -14,9 +14,9 @@ import subprocess
 import sys
 from types import MappingProxyType
 
-from masmc_ros.cli.endings import child_environment
-from masmc_ros.cli.private_domain import private_domain
-from masmc_ros.share import shared_file
+from masmc_ros.cli.node_processes import private_domain
+from masmc_ros.files import shared_file
+from masmc_ros.nodes.process.ending import child_environment
 
 TIMEOUT = 30.0
 

@@ -18,11 +18,11 @@ import tempfile
 
 from benchmarks.measure import compared, Measure
 from benchmarks.ping_pong import round_trips_per_second, Sizes
-from masmc_ros.cli.endings import child_environment
-from masmc_ros.cli.private_domain import private_domain
-from masmc_ros.robot.joint_names import driven_joint_names, joint_names
+from masmc_ros.cli.node_processes import private_domain
+from masmc_ros.files import shared_file
+from masmc_ros.nodes.process.ending import child_environment
+from masmc_ros.robot.mechanisms import driven_joint_names, joint_names
 from masmc_ros.scenario.scenario import load_scenario
-from masmc_ros.share import shared_file
 
 NODES = ('trajectory', 'controller', 'plant')
 CLAIMS = {False: (1.5, 0.76), True: (1.6, 0.4)}

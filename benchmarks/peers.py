@@ -20,11 +20,11 @@ import time
 from typing import Any, TypeVar
 
 from benchmarks.measure import compared, Measure
+from masmc_ros.files import shared_file
 from masmc_ros.loop.scenario import Scenario
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.report.measure.reduced import reduced_metrics
 from masmc_ros.scenario.scenario import load_scenario
-from masmc_ros.share import shared_file
 import numpy as np
 from numpy.typing import NDArray
 

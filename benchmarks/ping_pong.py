@@ -12,7 +12,7 @@ import sys
 import time
 from typing import Any, NamedTuple
 
-from masmc_ros.nodes.middleware.transport import prepare_transport
+from masmc_ros.nodes.middleware.rcl_setup import prepare_transport
 import rclpy
 from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.qos import QoSProfile

@@ -30,16 +30,15 @@ from benchmarks.busy import busy
 from benchmarks.live_nodes import end, realtime_nodes
 import masmc_ros as masmc
 from masmc_ros.aliases import Array
+from masmc_ros.files import shared_file
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.loop.law_code import fitting
 from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.parameter_record import read_record
 from masmc_ros.messages.stamps import header_stamp
-from masmc_ros.nodes.middleware.qos import subscription_qos
-from masmc_ros.robot.joint_names import driven_joint_names
-from masmc_ros.robot.mechanisms import mechanism_from
+from masmc_ros.nodes.middleware.ros_topics import subscription_qos
+from masmc_ros.robot.mechanisms import driven_joint_names, mechanism_from
 from masmc_ros.scenario.scenario import load_scenario
-from masmc_ros.share import shared_file
 import numpy as np
 from rcl_interfaces.srv import SetParametersAtomically
 import rclpy

@@ -15,10 +15,10 @@ import tempfile
 import time
 
 from benchmarks.measure import compared, Measure
-from masmc_ros.cli.endings import child_environment
-from masmc_ros.cli.private_domain import private_domain
+from masmc_ros.cli.node_processes import private_domain
 from masmc_ros.messages.joint_state import JointStateCdr
-from masmc_ros.nodes.middleware.qos import publisher_qos
+from masmc_ros.nodes.middleware.ros_topics import publisher_qos
+from masmc_ros.nodes.process.ending import child_environment
 from mcap.reader import make_reader
 import rclpy
 from rclpy.context import Context

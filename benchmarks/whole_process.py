@@ -13,7 +13,7 @@ import tempfile
 import time
 
 from benchmarks.measure import compared, Measure
-from masmc_ros.share import shared_file
+from masmc_ros.files import shared_file
 
 
 def seconds(command: list[str]) -> float:

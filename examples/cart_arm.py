@@ -35,13 +35,14 @@ from masmc_ros.robot.declaration import (
     Shape,
     Velocity,
 )
-from masmc_ros.robot.forward_dynamics import joint_accelerations
-from masmc_ros.robot.gradient_step import preserves_consistency, theta_step
-from masmc_ros.robot.square_task import (
+from masmc_ros.robot.shared_formulas import (
+    joint_accelerations,
     motion_error,
+    preserves_consistency,
     reference_motion,
     task_error,
     task_inertia,
+    theta_step,
     tracking,
 )
 import numpy as np

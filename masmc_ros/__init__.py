@@ -10,13 +10,13 @@ __version__ = '0.1.0'
 _INTERFACE = {
     'load': 'masmc_ros.api.scenario',
     'simulate': 'masmc_ros.api.simulate',
-    'compare_laws': 'masmc_ros.api.compare_laws',
+    'compare_laws': 'masmc_ros.api.campaigns',
     'sweep': 'masmc_ros.api.campaigns',
     'monte_carlo': 'masmc_ros.api.campaigns',
     'tune': 'masmc_ros.api.tuning',
-    'read': 'masmc_ros.api.catalogue',
-    'laws': 'masmc_ros.api.catalogue',
-    'load_robot': 'masmc_ros.api.catalogue',
+    'read': 'masmc_ros.api.scenario',
+    'laws': 'masmc_ros.api.scenario',
+    'load_robot': 'masmc_ros.api.scenario',
 }
 """Functions of the Python interface and their modules, imported on demand: nodes start without."""
 

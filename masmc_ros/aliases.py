@@ -46,6 +46,9 @@ Stamps = NDArray[np.int64]
 Integers = NDArray[np.int64]
 """Array of whole numbers with any shape."""
 
+Indices = NDArray[np.intp]
+"""Array of indices into another array."""
+
 Bytes = NDArray[np.uint8]
 """Bytes of a message."""
 

@@ -17,7 +17,7 @@ import signal
 from typing import Any
 
 from hypothesis import HealthCheck, settings
-from masmc_ros.optional import PACKAGES
+from masmc_ros.errors import PACKAGES
 import pytest
 
 settings.register_profile(

@@ -20,7 +20,7 @@ import sys
 from typing import Any, NamedTuple
 
 from masmc_ros import compare_laws, load
-from masmc_ros.campaign.part import metric_columns
+from masmc_ros.campaign.runs import metric_columns
 from masmc_ros.campaign.tune import Candidate, Evaluation, Range, tuned
 from masmc_ros.campaign.variable import Variable
 from masmc_ros.child_process import processors

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 
-from masmc_ros.messages.definitions import definition_of_jazzy, KEPT
+from masmc_ros.messages.cdr_layout import definition_of_jazzy, KEPT
 from masmc_ros.messages.path import POSE_STAMPED
 from masmc_ros.messages.topics import SYSTEM_TOPICS, TOPICS, TWIST_STAMPED
 

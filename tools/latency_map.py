@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from masmc_ros.errors import InputError
-from masmc_ros.law.parts.delay_gains import gain_of_rule, horizon_of_rule, slope_of_rule
+from masmc_ros.law.parts.delay_prediction import gain_of_rule, horizon_of_rule, slope_of_rule
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np

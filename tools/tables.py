@@ -25,7 +25,7 @@ from masmc_ros.law.reaching.implicit import IMPLICIT
 from masmc_ros.law.reaching.reaching import BOUNDARY_LAYER
 from masmc_ros.messages.topics import SYSTEM_TOPICS, TOPICS
 from masmc_ros.params import plug_ins
-from masmc_ros.params.documentation import markdown_table
+from masmc_ros.params.presentation import markdown_table
 from masmc_ros.report.measure.labels import OBSERVER
 from masmc_ros.report.measure.tracking import SMALL
 from masmc_ros.scenario.node_parameters import declared, NODES, shared

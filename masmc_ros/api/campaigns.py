@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Campaigns whose rows are returned as Arrow tables."""
+"""Campaigns and comparisons of laws, whose rows are returned as Arrow tables."""
 
 from __future__ import annotations
 
@@ -11,11 +11,14 @@ from tempfile import TemporaryDirectory
 import warnings
 
 from masmc_ros.api.scenario import load, Scenario, whole
-from masmc_ros.campaign.axes import axis
 from masmc_ros.campaign.campaign import Campaign, campaign_of
-from masmc_ros.campaign.draws import draw as parsed_draw
 from masmc_ros.campaign.engine import carry_out
-from masmc_ros.campaign.part import CPU, OpenDevice
+from masmc_ros.campaign.runs import CPU, OpenDevice
+from masmc_ros.campaign.variable import axis
+from masmc_ros.campaign.variable import draw as parsed_draw
+from masmc_ros.compare.contenders import Controller
+from masmc_ros.compare.law_comparison import compared, comparison_of
+from masmc_ros.compare.tables import rows_of
 from masmc_ros.errors import InputError
 from masmc_ros.native.device import device_option
 from masmc_ros.params.declaration import Values
@@ -161,3 +164,59 @@ def _table(
             device=device, advance=progress.update,
         )  # fmt: skip
         return dataset.table()
+
+
+def compare_laws(
+    scenario: str | Path | Scenario = 'paper',
+    laws: str | Sequence[str] = 'all',
+    *,
+    trials: str | Sequence[str] = 'all',
+    seeds: int = 1,
+    controllers: Mapping[str, Controller] | None = None,
+    threads: int = 0,
+    scheduler: str = '',
+    settings: Values | None = None,
+    **values: object,
+) -> pa.Table:
+    """
+    Run laws on the same scenario and seeds, as `masmc compare` does.
+
+    Parameters
+    ----------
+    scenario, settings, values
+        As in `load`.
+    laws
+        Names LAW or LAW:SWITCHING, or 'all'.
+    trials
+        Trials in addition to the unmodified scenario, or 'all', 'laws' or 'hardware'.
+    seeds
+        Number of runs of each law and trial: seed 0 is the scenario itself, others have a random
+        robot, disturbance and noise.
+    controllers
+        Functions of (state, reference) that return torques in N·m, or classes of such objects, by
+        the name in the table; state is a `TickInput`.
+    threads, scheduler
+        As for `sweep`.
+
+    Returns
+    -------
+        A row for each law and trial, the smallest error first, SI units.
+
+    Raises
+    ------
+    InputError
+        if a name is unknown or a value out of range, if the scenario commands velocities, or if
+        no scheduler answers.
+
+    """
+    loaded = load(scenario, settings, **values)
+    comparison = comparison_of(
+        loaded.file, loaded.settings, _names(laws), _names(trials), whole('seeds', seeds, 1),
+        controllers,
+    )  # fmt: skip
+    ranked = compared(comparison, threads=whole('threads', threads), scheduler=scheduler)
+    return pa.Table.from_pylist(rows_of(ranked, comparison.trials))
+
+
+def _names(names: str | Sequence[str]) -> str:
+    return names if isinstance(names, str) else ','.join(names)

@@ -20,9 +20,8 @@ from typing import Any, NamedTuple, TypeVar
 from masmc_ros.aliases import Array, Flags
 from masmc_ros.api.scenario import load, Scenario, whole
 from masmc_ros.campaign.campaign import Campaign, campaign_of, MOST_RUNS
-from masmc_ros.campaign.draws import draw as parsed_draw
-from masmc_ros.campaign.part import CPU, metric_columns
-from masmc_ros.campaign.runs import LANES
+from masmc_ros.campaign.runs import CPU, LANES, metric_columns
+from masmc_ros.campaign.variable import draw as parsed_draw
 from masmc_ros.campaign.variable import Variable
 from masmc_ros.errors import InputError
 from masmc_ros.law.command_interface import by_velocity, COMMAND_INTERFACE

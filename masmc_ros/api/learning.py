@@ -20,12 +20,11 @@ from gymnasium.error import ClosedEnvironmentError, ResetNeeded
 from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
-from masmc_ros.aliases import AnyArray, Array, Flags
+from masmc_ros.aliases import AnyArray, Array, Bytes, Flags
 from masmc_ros.api.episodes import Episodes, Infos, Step
 from masmc_ros.api.scenario import Scenario
 from masmc_ros.errors import InputError
 import numpy as np
-from numpy.typing import NDArray
 
 ENVIRONMENT = 'masmc/MobileManipulator-v0'
 """Name of the environment."""
@@ -52,10 +51,10 @@ class Camera:
             if np.isfinite(position).all():
                 positions.append(position)
 
-    def picture(self, number: int) -> NDArray[np.uint8]:
+    def picture(self, number: int) -> Bytes:
         """Return a picture (480, 640, 3) of a robot."""
         # matplotlib takes time to import.
-        from masmc_ros.report.draw.path_figure import frame
+        from masmc_ros.report.draw.path_figures import frame
 
         if not self._positions[number]:
             raise ResetNeeded('render: no episode has started; expected a reset before it')

@@ -1,23 +1,31 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Scenarios: a parameter file with changed values."""
+"""Scenarios: a parameter file with changed values; known laws, robots and logged runs."""
 
 from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from masmc_ros.errors import InputError
+from masmc_ros.files import scenario_file
+from masmc_ros.law import registry
+from masmc_ros.law.law import Law
 from masmc_ros.loop.scenario import Scenario
 from masmc_ros.params.declaration import Values
 from masmc_ros.params.text import yaml_text
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.mechanisms import mechanism_from
+from masmc_ros.robot.robot import Robot
 from masmc_ros.scenario.node_parameters import declared, shared
 from masmc_ros.scenario.scenario import load_scenario, source_of
-from masmc_ros.share import scenario_file
 import numpy as np
+
+if TYPE_CHECKING:
+    from masmc_ros.log.read.reader import Run
+
 
 _NODES = ('controller', 'plant', 'trajectory')
 
@@ -97,3 +105,45 @@ def load(
     else:
         file, stated = scenario_file(os.fspath(scenario)), ()
     return load_scenario(file, (*stated, *settings_of(file, settings, values)))
+
+
+def laws() -> dict[str, str]:
+    """Return the control laws with their summaries; the names are the values of `law`."""
+    known = {name: registry.load(name) for name in registry.names()}
+    return {n: law.summary if isinstance(law, Law) else 'plain Python' for n, law in known.items()}
+
+
+def load_robot(source: str, **values: object) -> Robot:
+    """
+    Return a robot.
+
+    Parameters
+    ----------
+    source
+        URDF file, parameter file, or name of an installed parameter file. A URDF has the choices
+        that `masmc robot` prints.
+    values
+        Parameters `robot.NAME` by NAME, such as `tip_frame='tool0'`.
+
+    Raises
+    ------
+    InputError
+        if there is no such file, a name is unknown, or the robot is invalid.
+
+    """
+    return load(source, {f'robot.{name}': value for name, value in values.items()}).robot
+
+
+def read(log: str | Path) -> Run:
+    """
+    Return a logged run, of a recorder or of `masmc simulate --output`.
+
+    Raises
+    ------
+    InputError
+        if the file is missing, or not a log of a run.
+
+    """
+    from masmc_ros.log.read.reader import read_run
+
+    return read_run(log)

@@ -11,16 +11,23 @@ from pathlib import Path
 
 from masmc_ros.api.scenario import load, Scenario, whole
 from masmc_ros.campaign.campaign import campaign_of
-from masmc_ros.campaign.draws import draw as parsed_draw
-from masmc_ros.campaign.part import CPU
+from masmc_ros.campaign.runs import CPU
 from masmc_ros.campaign.summary import metric_named
-from masmc_ros.campaign.tune import Evaluation, FORM, searched, tuned, Tuning, variables_of
-from masmc_ros.campaign.tuned_file import BaseFile
+from masmc_ros.campaign.tune import (
+    BaseFile,
+    Evaluation,
+    FORM,
+    searched,
+    tuned,
+    Tuning,
+    variables_of,
+)
+from masmc_ros.campaign.variable import draw as parsed_draw
 from masmc_ros.campaign.variable import Variable
 from masmc_ros.child_process import processors
 from masmc_ros.errors import InputError
+from masmc_ros.files import write_file
 from masmc_ros.native.device import device_option
-from masmc_ros.output_files import write_file
 from masmc_ros.params.declaration import Values
 from masmc_ros.report.measure.table import Column
 import pyarrow as pa

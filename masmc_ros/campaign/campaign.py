@@ -12,8 +12,6 @@ import json
 import math
 import shlex
 
-from masmc_ros.campaign.axes import Axis
-from masmc_ros.campaign.draws import check_range, Draw, drawn_values
 from masmc_ros.campaign.runs import (
     checked_scenario,
     Description,
@@ -22,7 +20,15 @@ from masmc_ros.campaign.runs import (
     scenario_of,
     WORTH_LANES,
 )
-from masmc_ros.campaign.variable import check_distinct, Variable, with_variables
+from masmc_ros.campaign.variable import (
+    Axis,
+    check_distinct,
+    check_range,
+    Draw,
+    drawn_values,
+    Variable,
+    with_variables,
+)
 from masmc_ros.errors import InputError
 from masmc_ros.law import registry
 from masmc_ros.law.law import Law

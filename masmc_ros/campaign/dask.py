@@ -21,9 +21,7 @@ from distributed import as_completed, Client, Future
 from distributed.comm import CommClosedError
 from distributed.scheduler import KilledWorker
 from masmc_ros import __version__
-from masmc_ros.campaign.part import OpenDevice, Rows, rows_of_text
-from masmc_ros.campaign.runs import Description
-from masmc_ros.campaign.threads import Part
+from masmc_ros.campaign.runs import Description, OpenDevice, Part, Rows, rows_of_text
 from masmc_ros.errors import InputError
 
 _TIMEOUT = '10s'

@@ -24,10 +24,10 @@ from typing import Any
 
 from masmc_ros import __version__
 from masmc_ros.campaign.campaign import Campaign
-from masmc_ros.campaign.part import Rows
+from masmc_ros.campaign.runs import Rows
 from masmc_ros.errors import InputError
+from masmc_ros.files import make_folder, whole_file
 from masmc_ros.log.write.provenance import git_state
-from masmc_ros.output_files import make_folder, whole_file
 import numpy as np
 from numpy.typing import NDArray
 import pyarrow as pa

@@ -10,14 +10,11 @@ from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from masmc_ros.campaign import threads as threads_of_process
 from masmc_ros.campaign.campaign import Campaign
-from masmc_ros.campaign.part import OpenDevice, Rows
-from masmc_ros.campaign.runs import Description
-from masmc_ros.campaign.threads import Part
+from masmc_ros.campaign.runs import Description, OpenDevice, Part, Rows, rows_in_threads
 from masmc_ros.child_process import processors
 from masmc_ros.errors import InputError
-from masmc_ros.output_files import check_folder
+from masmc_ros.files import check_folder
 
 if TYPE_CHECKING:
     from masmc_ros.campaign.dataset import Dataset
@@ -81,12 +78,12 @@ def computed(
             yield from cluster.computed(campaign, parts(size), device)
     elif device is not None:
         here = device()
-        yield from threads_of_process.computed(
+        yield from rows_in_threads(
             campaign, parts(here.most_runs), threads or _PREPARING, here
         )
     else:
         workers = threads or processors()
-        yield from threads_of_process.computed(
+        yield from rows_in_threads(
             campaign, parts(part_size(campaign, workers)), workers
         )
 

@@ -13,11 +13,11 @@ from typing import Any
 
 from masmc_ros.aliases import AnyArray, Array
 from masmc_ros.campaign.campaign import Campaign
-from masmc_ros.campaign.part import metric_columns, missing_columns
+from masmc_ros.campaign.runs import metric_columns, missing_columns
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.params.text import yaml_text
-from masmc_ros.report.aligned import aligned
 from masmc_ros.report.measure.table import Column, number
+from masmc_ros.result_text import aligned
 import numpy as np
 from numpy.typing import NDArray
 

@@ -8,27 +8,36 @@ NSGA-II of Optuna proposes generations of candidates. Each candidate runs with a
 are the same for all candidates. Its objectives are a percentile of the metrics over these runs; a
 lost run counts as infinite. The result is the Pareto front: the candidates for which no other one
 is better in both metrics.
+
+`BaseFile` writes tuned values as a ROS parameter file: the file of the scenario, and blocks below
+it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 import math
 from threading import Event
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from masmc_ros.aliases import Array
 from masmc_ros.campaign.campaign import Campaign
-from masmc_ros.campaign.part import Device, evaluated
-from masmc_ros.campaign.runs import LANES, Run
+from masmc_ros.campaign.runs import Device, evaluated, LANES, Run
 from masmc_ros.campaign.variable import check_distinct, Variable, with_variables
 from masmc_ros.errors import InputError
-from masmc_ros.params.scalar import typed
+from masmc_ros.loop.scenario import Scenario
+from masmc_ros.params.blocks import read_blocks
+from masmc_ros.params.declaration import Values
+from masmc_ros.params.file import anywhere
+from masmc_ros.params.text import typed
 from masmc_ros.report.measure.metrics import Metrics
 from masmc_ros.report.measure.table import Column
+from masmc_ros.scenario.node_parameters import NODES
+from masmc_ros.scenario.scenario import load_scenario, source_of
 import numpy as np
+import yaml
 
 POPULATION = 32
 """Candidates of a generation."""
@@ -282,3 +291,86 @@ def _chosen(front: Sequence[Candidate], start: Candidate) -> Candidate:
     ideal, spread = objectives.min(axis=0), np.ptp(objectives, axis=0)
     distances = np.linalg.norm((objectives - ideal) / np.where(spread > 0.0, spread, 1.0), axis=1)
     return front[int(np.argmin(distances))]
+
+
+_BLOCK = '/**/plant: {ros__parameters: {duration: 1.0}}'
+
+
+class BaseFile(NamedTuple):
+    """
+    Parameter file of a scenario when a search starts; later changes of the file have no effect.
+
+    Attributes
+    ----------
+    text
+        Content of the file.
+    original
+        Scenario of the file.
+    scenario
+        The same with the settings.
+
+    """
+
+    text: str
+    original: Scenario
+    scenario: Scenario
+
+    @classmethod
+    def read(cls, file: str, settings: Sequence[str]) -> BaseFile:
+        """
+        Read a parameter file, with settings NAME=VALUE.
+
+        Raises InputError if it cannot be loaded, or if no blocks can stand below its text.
+        """
+        original, source = load_scenario(file), source_of(file, settings)
+        scenario = source.scenario()
+        try:
+            text = source.text.decode('utf-8').rstrip('\n')
+            read_blocks(f'{text}\n{_BLOCK}'.encode(), file)
+        except (UnicodeDecodeError, InputError):
+            raise InputError(
+                f'{file}: no block can be added below its text; expected text in UTF-8, without '
+                'braces around all blocks and without the end of a document (...)'
+            ) from None
+        return cls(text, original, scenario)
+
+    def tuned(self, variables: Sequence[Variable], values: Mapping[str, float]) -> str:
+        """
+        Return the text of a parameter file with the settings and tuned values.
+
+        The last value of a name in a file applies, so the blocks stand below the original text.
+
+        Parameters
+        ----------
+        variables
+            Tuned parameters.
+        values
+            Tuned values by the names of the variables.
+
+        """
+        tuned = with_variables(self.scenario, variables, [values[v.name] for v in variables])
+        lines = [self.text, '', '# Tuned by masmc tune.']
+        for node in NODES:
+            original = self.original[node]
+            # Settings can select a robot with other parameters.
+            changed = {
+                n: v for n, v in tuned[node].items() if n not in original or v != original[n]
+            }
+            changed |= anywhere(tuned[node])
+            if changed:
+                block = {f'/**/{node}': {'ros__parameters': _nested(changed)}}
+                text = yaml.safe_dump(block, default_flow_style=None, width=99)
+                lines.append(text.rstrip('\n'))
+        return '\n'.join(lines) + '\n'
+
+
+def _nested(values: Values) -> dict[str, Any]:
+    """Return values by the parts of their dotted names."""
+    tree: dict[str, Any] = {}
+    for name, value in values.items():
+        *outer, last = name.split('.')
+        block = tree
+        for part in outer:
+            block = block.setdefault(part, {})
+        block[last] = list(value) if isinstance(value, tuple) else value
+    return tree

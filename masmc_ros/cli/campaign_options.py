@@ -10,11 +10,9 @@ from collections.abc import Sequence
 from pathlib import Path
 import sys
 
-from masmc_ros.campaign.axes import Axis
 from masmc_ros.campaign.campaign import campaign_of
-from masmc_ros.campaign.draws import draw
 from masmc_ros.campaign.engine import carry_out
-from masmc_ros.campaign.part import CPU
+from masmc_ros.campaign.runs import CPU
 from masmc_ros.campaign.summary import (
     grid_lines,
     label,
@@ -23,24 +21,15 @@ from masmc_ros.campaign.summary import (
     text,
     values_by_point,
 )
-from masmc_ros.cli.arguments import (
-    add_device,
-    add_file,
-    add_json,
-    add_output,
-    add_seed,
-    add_settings,
-    add_workers,
-)
-from masmc_ros.cli.urdf_choices import print_choices
-from masmc_ros.json_text import json_text
+from masmc_ros.campaign.variable import Axis, draw
+from masmc_ros.cli import arguments
+from masmc_ros.cli.arguments import print_choices
+from masmc_ros.files import scenario_file, write_file
 from masmc_ros.native.device import device_option
-from masmc_ros.output_files import write_file
-from masmc_ros.report.aligned import WIDTH
 from masmc_ros.report.draw.campaign_figures import draws_figure, map_figure, MapAxis
 from masmc_ros.report.draw.style import figure_file, paper_style
+from masmc_ros.result_text import json_text, WIDTH
 from masmc_ros.scenario.scenario import source_of
-from masmc_ros.share import scenario_file
 from tqdm import tqdm
 
 RUNS = 'runs'
@@ -49,17 +38,17 @@ RUNS = 'runs'
 
 def add_campaign(parser: argparse.ArgumentParser, folder: str) -> None:
     """Add the arguments that all campaigns have; `folder` is the default output."""
-    add_file(parser)
-    add_settings(parser)
-    add_seed(parser, 'the draws')
+    arguments.add_file(parser)
+    arguments.add_settings(parser)
+    arguments.add_seed(parser, 'the draws')
     parser.add_argument(
         '--metric', default='', metavar='NAME', help='metric of figures and correlations, a '
         'column of the dataset (RMS error of the first point)',
     )  # fmt: skip
-    add_output(parser, folder)
-    add_workers(parser)
-    add_device(parser)
-    add_json(parser)
+    arguments.add_output(parser, folder)
+    arguments.add_workers(parser)
+    arguments.add_device(parser)
+    arguments.add_json(parser)
 
 
 def add_draws(parser: argparse.ArgumentParser, *, is_required: bool) -> None:

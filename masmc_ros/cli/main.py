@@ -1,14 +1,21 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The `masmc` command, which starts its subcommands."""
+"""
+The `masmc` command, which starts its subcommands, and completes its words in a shell.
+
+Completion is that of argcomplete, which the `ros2` command uses as well. The entry points of
+`ros2 run masmc_ros NODE` call `masmc run NODE`.
+"""
 
 from __future__ import annotations
 
+import argparse
 import codecs
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 import errno
+from functools import partial
 from importlib import import_module
 from io import TextIOWrapper
 import os
@@ -17,9 +24,10 @@ import sys
 
 from masmc_ros import __version__
 from masmc_ros.cli.arguments import Parser
-from masmc_ros.cli.endings import Ended, ended_by_signals, final
-from masmc_ros.errors import UserError
-from masmc_ros.optional import remedy
+from masmc_ros.cli.commands.run import NODES, run_node
+from masmc_ros.errors import remedy, UserError
+from masmc_ros.files import scenarios
+from masmc_ros.nodes.process.ending import Ended, ended_by_signals, final
 
 COMMANDS = {
     'demo': "run the paper's experiment on real nodes and report it",
@@ -65,9 +73,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     is_process = arguments is None
     if is_process and '_ARGCOMPLETE' in os.environ:
-        from masmc_ros.cli.completion import complete
 
-        return complete(parser_for)
+        return _complete()
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     name = ' '.join(['masmc', *arguments[:1]])
     if is_process:
@@ -120,8 +127,6 @@ def _run(name: str, arguments: list[str], *, restores_signals: bool) -> int:
         return _fail(line)
     if arguments[:1] == ['run'] and arguments[1:2] not in (['-h'], ['--help'], []):
         # All arguments after NODE are for the node, ROS arguments above all.
-        from masmc_ros.cli.commands.run import run_node
-
         return run_node(arguments[1], arguments[2:])
     try:
         with ended_by_signals(restores=restores_signals):
@@ -172,6 +177,52 @@ def _discard_output() -> None:
     """Discard output that standard output rejected, also when the interpreter ends."""
     with suppress(OSError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _complete() -> int:
+    """
+    Print completions of the words in the environment, and end the process.
+
+    Without argcomplete in the environment of `masmc` this returns its exit status.
+    """
+    try:
+        import argcomplete
+    except ModuleNotFoundError:
+        return 1
+    parser = parser_for(os.environ.get('COMP_LINE', '').split()[1:])
+    files = argcomplete.FilesCompleter()
+
+    def files_and_names(prefix: str, **arguments: object) -> Iterable[str]:
+        return [*scenarios(), *files(prefix, **arguments)]
+
+    # argparse does not declare the attribute that argcomplete reads.
+    for action in _actions(parser):
+        if action.dest == 'file':
+            action.completer = files_and_names  # type: ignore[attr-defined]
+        elif action.dest == 'node':
+            action.completer = argcomplete.ChoicesCompleter(NODES)  # type: ignore[attr-defined]
+    argcomplete.autocomplete(parser)
+    return 1
+
+
+def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
+    for action in parser._actions:
+        yield action
+        if isinstance(action, argparse._SubParsersAction):
+            for command in action.choices.values():
+                yield from _actions(command)
+
+
+def _run_node(name: str) -> int:
+    prepare_streams()
+    return final(main(['run', name, *sys.argv[1:]]))
+
+
+def __getattr__(name: str) -> Callable[[], int]:
+    """Return the entry point of a node."""
+    if name not in NODES:
+        raise AttributeError(name)
+    return partial(_run_node, name)
 
 
 if __name__ == '__main__':

@@ -11,7 +11,7 @@ import os
 
 from masmc_ros.errors import InputError
 from masmc_ros.messages.stamps import header_stamp
-from masmc_ros.nodes.middleware.client_node import client_node
+from masmc_ros.nodes.middleware.rcl_setup import client_node
 from nav_msgs.msg import Odometry
 from rclpy.qos import QoSProfile
 

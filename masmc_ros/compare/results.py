@@ -21,10 +21,9 @@ from typing import Any
 
 from masmc_ros import __version__
 from masmc_ros.compare.contenders import Contender
-from masmc_ros.compare.law_comparison import Comparison
-from masmc_ros.compare.ranking import COMPARED, Ranked, Row
+from masmc_ros.compare.law_comparison import COMPARED, Comparison, Ranked, Row
 from masmc_ros.errors import InputError
-from masmc_ros.json_text import json_text
+from masmc_ros.result_text import json_text
 from masmc_ros.robot.declaration import units_of, URDF
 
 OPTION = '--add'

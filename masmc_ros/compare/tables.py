@@ -12,13 +12,12 @@ from pathlib import Path
 import sys
 from textwrap import fill
 
-from masmc_ros.compare.ranking import COMPARED, LOST, Ranked, Row
+from masmc_ros.compare.law_comparison import COMPARED, LOST, Ranked, Row
 from masmc_ros.compare.trials import Trial
-from masmc_ros.json_text import json_text
-from masmc_ros.report.aligned import aligned
 from masmc_ros.report.measure.table import number
 from masmc_ros.report.measure.tracking import SMALL
 from masmc_ros.report.page.template import rendered
+from masmc_ros.result_text import aligned, json_text
 from masmc_ros.robot.declaration import Point, symbols_of, units_of
 
 _LOST, _NOT_RUN = 'lost', '-'

@@ -5,14 +5,16 @@
 Actions that the controller's core requests from its caller, as plain data.
 
 The actions of an ordinary tick are created once and reused: the caller performs the actions of
-an event before it passes on the next event.
+an event before it passes on the next event. `Throttle` limits the rate of log lines about each
+subject; the limit of the loggers knows only one.
 """
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from typing import NamedTuple
 
-from masmc_ros.control.lifecycle import LifecycleState
+from masmc_ros.control.supervisor import LifecycleState
 from masmc_ros.errors import UserError
 from masmc_ros.params.declaration import Values
 
@@ -116,3 +118,19 @@ Action = Command | Repeat | Record | State | Line | Wait | Failure | Finish
 Actions = tuple[Action, ...]
 
 NOTHING: Actions = ()
+
+
+class Throttle:
+    """Times of the last lines by subject."""
+
+    def __init__(self, period: float) -> None:
+        """Initialise with the time in s between two lines about the same subject."""
+        self._period = period
+        self._last: dict[Hashable, float] = {}
+
+    def is_due(self, subject: Hashable, now: float) -> bool:
+        """Return True if a line is due at a steady time in s; it counts as logged then."""
+        if now - self._last.get(subject, -self._period) < self._period:
+            return False
+        self._last[subject] = now
+        return True

@@ -14,32 +14,21 @@ from collections.abc import Callable
 import math
 
 from masmc_ros.aliases import Array
-from masmc_ros.control.actions import (
-    Actions,
-    Failure,
-    Halt,
-    HaltCommand,
-    Line,
-    NOTHING,
-    Repeat,
-)
+from masmc_ros.control.actions import Actions, Failure, Halt, HaltCommand, Line, NOTHING, Repeat
+from masmc_ros.control.gates import Pacing, PACINGS, ReferenceGate, StateGate
 from masmc_ros.control.layer_watch import LayerWatch
-from masmc_ros.control.lifecycle import find_transition, LifecycleState, state_of
 from masmc_ros.control.outbox import Outbox
-from masmc_ros.control.pacing import Pacing, PACINGS
-from masmc_ros.control.reference_gate import ReferenceGate
-from masmc_ros.control.state_gate import StateGate
-from masmc_ros.control.supervisor import Cause, Supervisor
+from masmc_ros.control.supervisor import (
+    Cause,
+    find_transition,
+    LifecycleState,
+    state_of,
+    Supervisor,
+)
 from masmc_ros.errors import UserError
+from masmc_ros.loop import controller_events
 from masmc_ros.loop.closed_loop import NOT_FINITE, SINGULAR
 from masmc_ros.loop.controller import Controller
-from masmc_ros.loop.controller_events import (
-    ADAPTATION_RESET,
-    DEACTIVATED,
-    RELEASED,
-    RESUMED,
-    UNFOLDED,
-)
 from masmc_ros.loop.controller_parameters import ACTIVE_ON_START, RUNAWAY_DETECTION
 from masmc_ros.loop.drive import Drive, Source
 from masmc_ros.loop.runaway import RunawayWatch
@@ -47,7 +36,7 @@ from masmc_ros.loop.safe_stop import BALANCE_TIME
 from masmc_ros.loop.simulated_robot import diverged
 from masmc_ros.loop.timing import PACING, Timing
 from masmc_ros.messages.reference_window import ReferenceWindow
-from masmc_ros.messages.stamp_order import Order
+from masmc_ros.messages.stamps import Order
 from masmc_ros.params.declaration import Values
 from masmc_ros.reference.approach import Approach
 
@@ -369,7 +358,7 @@ class ControllerCore:
 
     def on_reset_adaptation(self) -> Actions:
         """Reset the adaptation; the next tick records it."""
-        self._apply_between(ADAPTATION_RESET)
+        self._apply_between(controller_events.ADAPTATION_RESET)
         return NOTHING
 
     def on_shutdown(self) -> Actions:
@@ -460,7 +449,7 @@ class ControllerCore:
             if drive.has_unfolded(stamp, position, velocity):
                 return False
         elif drive.should_unfold(position, velocity):
-            self._apply(UNFOLDED, stamp, position, velocity)
+            self._apply(controller_events.UNFOLDED, stamp, position, velocity)
         else:
             return False
         return drive.unfold(stamp, position, velocity)
@@ -514,7 +503,7 @@ class ControllerCore:
         if event:
             self._apply(event, stamp, position, velocity)
             self._watch.restart()
-            if event == RESUMED:
+            if event == controller_events.RESUMED:
                 self._watch.note_late(now)
 
     def _skip_ticks(self, stamp: int, position: Array, now: float) -> None:
@@ -552,7 +541,7 @@ class ControllerCore:
         else:
             stamp = self.states.order.last
             if self.drive.is_active:
-                self._outbox.add_record(self._values, DEACTIVATED)
+                self._outbox.add_record(self._values, controller_events.DEACTIVATED)
             is_guided = self.supervisor.is_guided
             commands = self.drive.balance(
                 stamp, self.states.position, self.states.velocity, is_guided=is_guided
@@ -575,7 +564,7 @@ class ControllerCore:
 
     def _release(self, now: float) -> Actions:
         """Send a void command, as a controller that has not moved the robot."""
-        self._apply_between(RELEASED)
+        self._apply_between(controller_events.RELEASED)
         actions = self._after_change(now)
         if self.pacing.is_timed and self.drive.stop.commands:
             self._halt()

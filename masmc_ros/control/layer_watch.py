@@ -8,12 +8,12 @@ from __future__ import annotations
 import math
 
 from masmc_ros.aliases import Array
+from masmc_ros.control.actions import Throttle
 from masmc_ros.law.parts.model import MODEL_SCALE
 from masmc_ros.law.reaching.reaching import BOUNDARY_LAYER, K_S1, K_S2
 from masmc_ros.law.registry import SWITCHING_TERM
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.layer_bound import least_task_inertia, longest_hold, thinnest_layer
-from masmc_ros.throttle import Throttle
 import numpy as np
 
 _LAYERED = ('saturation', 'tanh', 'sigmoid')

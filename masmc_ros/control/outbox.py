@@ -18,17 +18,16 @@ from masmc_ros.control.actions import (
     State,
     StopCommand,
     Telemetry,
+    Throttle,
     Void,
     Wait,
 )
-from masmc_ros.control.lifecycle import state_of
-from masmc_ros.control.pacing import Pacing
-from masmc_ros.control.supervisor import Supervisor
+from masmc_ros.control.gates import Pacing
+from masmc_ros.control.supervisor import state_of, Supervisor
 from masmc_ros.loop.controller_parameters import TELEMETRY_DECIMATION
 from masmc_ros.loop.timing import Timing
-from masmc_ros.messages.stamp_order import Order
+from masmc_ros.messages.stamps import Order
 from masmc_ros.params.declaration import MutableValues, Values
-from masmc_ros.throttle import Throttle
 
 _QUIET = 1.0
 """Time in s between two lines about missing states, or about jumps of the pose."""

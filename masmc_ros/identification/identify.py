@@ -11,6 +11,10 @@ nearest consistent parameters in the metric of the data.
 
 Shapes: n joints, q inertial parameters, p = q + 2 n parameters with viscous and Coulomb friction,
 W windows.
+
+Combinations of parameters without an effect on any motion cannot be identified; the others are
+the base parameters (Gautier 1991). A run excites a base parameter if it determines the parameter
+better than the prior of the nominal robot.
 """
 
 from __future__ import annotations
@@ -18,22 +22,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from masmc_ros.aliases import Array
+from masmc_ros.aliases import Array, Flags
 from masmc_ros.errors import InputError
-from masmc_ros.identification.averaging_windows import (
-    average_of_held,
-    sample_weights,
-    Windows,
-    windows_in,
-)
+from masmc_ros.identification import regressor
 from masmc_ros.identification.consistent_parameters import nearest_consistent, Scale, scaled
 from masmc_ros.identification.latency_fit import fit_timing, LARGEST, LatencyFit
-from masmc_ros.identification.load import COULOMB_SHARE
-from masmc_ros.identification.regressor import averaged, Equations, FRICTIONS
 from masmc_ros.identification.samples import Samples
 from masmc_ros.robot.robot import Robot
 import numpy as np
-from numpy.typing import NDArray
 
 _ROUNDS = 2
 """Number of iterations of the weights of the joints."""
@@ -78,15 +74,15 @@ class Measured:
 
     """
 
-    equations: Equations
-    windows: Windows
+    equations: regressor.Equations
+    windows: regressor.Windows
     samples: Samples
 
     def torque(self, latency: float, lag: float) -> Array:
         """Return the averages (W, n) of the acting torques for a latency and a motor lag in s."""
         times, commands = self.samples.command_times, self.samples.commands
         smoothing = self.samples.smoothing
-        return average_of_held(times, commands, self.windows, latency, lag, smoothing)
+        return regressor.average_of_held(times, commands, self.windows, latency, lag, smoothing)
 
     def predicted(self, parameters: Array) -> Array:
         """Return the averages (W, n) of the torques that parameters (p) explain."""
@@ -127,7 +123,7 @@ class Identified:
     nominal: Array
     values: Array
     errors: Array
-    is_excited: NDArray[np.bool_]
+    is_excited: Flags
     timing: LatencyFit
     residual: Array
     nominal_residual: Array
@@ -156,14 +152,15 @@ def measured(robot: Robot, samples: Samples, where: str = 'run') -> Measured:
 
     """
     half = samples.half
-    windows = windows_in(samples.times, half, samples.valid, LARGEST + half)
+    windows = regressor.windows_in(samples.times, half, samples.valid, LARGEST + half)
     if len(windows.centres) < _FEWEST_WINDOWS:
         raise InputError(
             f'{where}: {len(windows.centres)} parts of {2000.0 * half:g} ms without a gap in '
             f'states and commands; expected at least {_FEWEST_WINDOWS}'
         )
-    weights = sample_weights(samples.times, windows)
-    return Measured(averaged(robot, samples.position, samples.rates, weights), windows, samples)
+    weights = regressor.sample_weights(samples.times, windows)
+    equations = regressor.averaged(robot, samples.position, samples.rates, weights)
+    return Measured(equations, windows, samples)
 
 
 def identify(nominal: Nominal, run: Measured) -> Identified:
@@ -172,7 +169,7 @@ def identify(nominal: Nominal, run: Measured) -> Identified:
     size = np.sqrt(np.mean((torque - np.mean(torque, axis=0)) ** 2, axis=0))
     speed = np.sqrt(np.mean(run.samples.rates**2, axis=0)) + 1.0e-3
     size = np.maximum(size, 1.0e-6 * size.max() + 1.0e-9)
-    friction_scale = np.concatenate([size / speed, COULOMB_SHARE * size])
+    friction_scale = np.concatenate([size / speed, regressor.COULOMB_SHARE * size])
     friction_scale = np.maximum(friction_scale, nominal.friction)
     scale = scaled(nominal.robot, nominal.theta, nominal.friction, friction_scale)
     prior = scale.prior()
@@ -221,7 +218,7 @@ def _names(robot: Robot) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return names and units of all parameters."""
     names = [quantity.name for quantity in robot.mechanism.theta]
     units = [quantity.unit for quantity in robot.mechanism.theta]
-    for friction in FRICTIONS:
+    for friction in regressor.FRICTIONS:
         for joint in robot.mechanism.joints:
             names.append(f'{joint.name}_{friction}')
             per_speed = f'{joint.effort_unit}·s' if joint.unit != 'm' else 'N·s/m'
@@ -255,3 +252,90 @@ class _Problem:
     def solution(self, torque: Array) -> Array:
         """Return the scaled parameters of the minimum, consistent or not."""
         return np.linalg.solve(self._triangle, self._orthogonal.T @ self._right(torque))
+
+
+_STATES = 200
+"""Number of random states, enough to excite every base parameter."""
+
+_RANK = 1.0e-9
+"""Largest relative singular value of a combination without effect."""
+
+_SHOWN = 0.2
+"""Smallest factor of a named parameter in a combination."""
+
+_MOST_NAMES = 4
+"""Number of parameters that describe a combination."""
+
+
+class Direction(NamedTuple):
+    """Combination of parameters: names, and factors in units of their prior deviations."""
+
+    names: tuple[str, ...]
+    factors: tuple[float, ...]
+
+    @property
+    def text(self) -> str:
+        """Return the combination as a sum, such as `mass - 0.5 offset`."""
+        parts = [
+            f'{"-" if factor < 0 else "+"} {abs(factor):.2g} {name}'
+            for name, factor in zip(self.names, self.factors, strict=True)
+        ]
+        return ' '.join(parts).removeprefix('+ ').removeprefix('1 ')
+
+
+def base_parameters(robot: Robot, scale: Scale) -> Array:
+    """
+    Return an orthonormal basis (p, r) of the scaled combinations that affect some motion.
+
+    It is computed from random states, without a run. `scale` has p parameters.
+    """
+    random = np.random.default_rng(0)
+    mechanism = robot.mechanism
+    joints = len(mechanism.joints)
+    low, high = np.array(mechanism.position_limits).T
+    low, high = np.where(np.isfinite(low), low, -np.pi), np.where(np.isfinite(high), high, np.pi)
+    position = np.zeros((_STATES, len(mechanism.positions)))
+    position[:, -joints:] = random.uniform(low, high, (_STATES, joints))
+    rates, accelerations = random.uniform(-1.0, 1.0, (2, _STATES, joints))
+    matrix = regressor.instantaneous(robot, position, rates, accelerations).matrix
+    # All rows of a joint have the same unit, so each joint is scaled by its RMS torque.
+    matrix = matrix / np.sqrt(np.mean((matrix @ scale.scale) ** 2, axis=(0, 2)))[:, None]
+    _, values, rows = np.linalg.svd(
+        matrix.reshape(-1, matrix.shape[2]) @ scale.scale, full_matrices=False
+    )
+    return np.asarray(rows[values > _RANK * values[0]].T)
+
+
+def unexcited(identified: Identified, base: Array) -> list[Direction]:
+    """Return the combinations within the base (p, r) of a robot that the run did not excite."""
+    scale = identified.scale
+    prior = scale.prior()
+    root = np.linalg.cholesky(base.T @ prior @ base)
+    inside = np.linalg.solve(root, base.T @ identified.information @ base)
+    inside = np.linalg.solve(root, inside.T)
+    values, turned = np.linalg.eigh((inside + inside.T) / 2.0)
+    weak = base @ np.linalg.solve(root.T, turned[:, values < 1.0 / EXCITED**2 - 1.0])
+    expected = np.sqrt(np.diag(scale.scale @ np.linalg.inv(prior) @ scale.scale.T))
+    rows = _sparse((scale.scale @ weak).T / expected)
+    return [_direction(row, identified.names) for row in rows]
+
+
+def _sparse(rows: Array) -> Array:
+    """Return combinations of rows (d, p); each has a 1 in a column where the others have 0."""
+    rows = rows.copy()
+    free = np.ones(len(rows), bool)
+    for _ in range(len(rows)):
+        sizes = np.where(free[:, None], np.abs(rows), 0.0)
+        i, j = np.unravel_index(int(np.argmax(sizes)), rows.shape)
+        rows[i] /= rows[i, j]
+        others = np.arange(len(rows)) != i
+        rows[others] -= np.outer(rows[others, j], rows[i])
+        free[i] = False
+    return rows
+
+
+def _direction(row: Array, names: tuple[str, ...]) -> Direction:
+    order = np.argsort(-np.abs(row), kind='stable')[:_MOST_NAMES]
+    shown = [int(i) for i in order if abs(row[i]) >= _SHOWN * abs(row[order[0]])]
+    factors = row[shown] / row[shown[0]]
+    return Direction(tuple(names[i] for i in shown), tuple(factors.tolist()))

@@ -4,7 +4,7 @@
 """
 Payload of a running robot, estimated from its states and commanded torques.
 
-The equations of motion are averaged over windows (`averaging_windows`) and need no accelerations.
+The equations of motion are averaged over windows (`regressor`) and need no accelerations.
 The measured torques differ from those of the nominal robot. This difference is linear in
 
 - the mass, first and second moments of a load that is fixed to the last link (Atkeson, An and
@@ -25,20 +25,12 @@ from collections import deque
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from masmc_ros.aliases import Array
-from masmc_ros.identification.averaging_windows import (
-    Average,
-    average_of_held,
-    sample_weights,
-    windows_in,
-)
-from masmc_ros.identification.latency_fit import Estimate
-from masmc_ros.identification.load import COULOMB_SHARE, EXPECTED_MOMENTS, Load, load_of
-from masmc_ros.identification.regressor import averaged
-from masmc_ros.identification.state_buffer import StateBuffer
+from masmc_ros.aliases import Array, Flags
+from masmc_ros.identification import regressor
+from masmc_ros.identification.latency_fit import Estimate, StateBuffer
+from masmc_ros.identification.payload import EXPECTED_MOMENTS, Load, load_of
 from masmc_ros.robot.robot import Robot
 import numpy as np
-from numpy.typing import NDArray
 
 BLOCK = 1.0
 """Shortest length of a block in s."""
@@ -167,7 +159,7 @@ class PayloadEstimator:
         robot: Robot,
         theta: Array,
         friction: Array,
-        has_torque: NDArray[np.bool_],
+        has_torque: Flags,
         span: float,
     ) -> None:
         """
@@ -232,15 +224,16 @@ class PayloadEstimator:
             rates = (angles[2:] - angles[:-2]) / (times[2:] - times[:-2])[:, None]
             times, position = times[1:-1], position[1:-1]
             # These differences are averages of the rates, so torques are averaged in the same way.
-            smoothing = Average(np.full(2, 0.5 / spacing), spacing)
+            smoothing = regressor.Average(np.full(2, 0.5 / spacing), spacing)
         valid = np.ones(len(times) - 1, np.bool_)
         margin = latency + _LATENCY_ERROR + spacing
-        windows = windows_in(times, _HALF_PERIODS * spacing, valid, margin)
+        windows = regressor.windows_in(times, _HALF_PERIODS * spacing, valid, margin)
         if not len(windows.centres):
             return
-        equations = averaged(self._robot, position, rates, sample_weights(times, windows))
+        weights = regressor.sample_weights(times, windows)
+        equations = regressor.averaged(self._robot, position, rates, weights)
         torques = np.hstack([
-            average_of_held(block.times, block.torque, windows, delay, 0.0, smoothing)
+            regressor.average_of_held(block.times, block.torque, windows, delay, 0.0, smoothing)
             for delay in (latency, latency + _LATENCY_ERROR)
         ])
         acting, later = np.split(torques, 2, axis=1)
@@ -344,7 +337,7 @@ def _estimate(blocks: Array, count: int, tip: tuple[Array, Array]) -> PayloadEst
     size = np.sqrt(total[:, _TORQUE, _TORQUE] / count)
     floor = _FINEST * size + 1e-3 * _FINEST * size.max() + 1e-12
     speed = np.sqrt(total[:, _FRICTION.start, _FRICTION.start] / count) + 1e-3
-    scale = np.stack([size / speed, COULOMB_SHARE * size], axis=1) + 1e-12
+    scale = np.stack([size / speed, regressor.COULOMB_SHARE * size], axis=1) + 1e-12
     deviation = 0.05 * size + floor
     shared = _DELAY + 1
     for _ in range(_ROUNDS):

@@ -8,12 +8,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-from masmc_ros.aliases import Array
+from masmc_ros.aliases import Array, Flags
 from masmc_ros.errors import InputError
-from masmc_ros.identification.averaging_windows import Average
+from masmc_ros.identification.regressor import Average
 from masmc_ros.log.read.reader import Run
 import numpy as np
-from numpy.typing import NDArray
 
 SHORTEST = 5.0
 """Shortest time in s of states and commands."""
@@ -68,7 +67,7 @@ class Samples:
     velocity: Array
     command_times: Array
     commands: Array
-    is_interrupted: NDArray[np.bool_] | None = None
+    is_interrupted: Flags | None = None
 
     @property
     def period(self) -> float:
@@ -127,7 +126,7 @@ class Samples:
         return np.column_stack(columns)
 
     @property
-    def valid(self) -> NDArray[np.bool_]:
+    def valid(self) -> Flags:
         """Return (N - 1) True for the intervals between states without a gap."""
         valid = _without_gap(self.times)
         commanded = _without_gap(self.command_times)
@@ -197,6 +196,6 @@ def samples_of(run: Run) -> Samples:
     return samples
 
 
-def _without_gap(times: Array) -> NDArray[np.bool_]:
+def _without_gap(times: Array) -> Flags:
     steps = np.diff(times)
     return np.asarray(steps < _LONGEST_GAP * np.median(steps))

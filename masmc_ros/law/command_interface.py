@@ -5,13 +5,13 @@
 
 from __future__ import annotations
 
+from masmc_ros.aliases import Flags
 from masmc_ros.errors import InputError
 from masmc_ros.params.declaration import Parameter, Values
 from masmc_ros.params.text import yaml_text
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.mechanisms import NAME as MECHANISM
 import numpy as np
-from numpy.typing import NDArray
 
 COMMAND_INTERFACES = ('effort', 'velocity', 'hybrid')
 """Choices of `command_interface`; compiled code knows them by their position here."""
@@ -53,7 +53,7 @@ def is_hybrid(values: Values) -> bool:
     return COMMAND_INTERFACE.of(values) == COMMAND_INTERFACES[HYBRID]
 
 
-def by_velocity(values: Values, mechanism: Mechanism) -> NDArray[np.bool_]:
+def by_velocity(values: Values, mechanism: Mechanism) -> Flags:
     """
     Return for each joint (joints) whether it follows a commanded velocity.
 

@@ -32,7 +32,6 @@ from masmc_ros.law.observing.momentum_observer import MOMENTUM_OBSERVER
 from masmc_ros.law.observing.time_delay import TIME_DELAY
 from masmc_ros.law.parts import (
     adaptation,
-    command_limits,
     delay_fields,
     joint_limits,
     model,
@@ -186,7 +185,6 @@ def shared_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
             *model.PARAMETERS,
             *adaptation.PARAMETERS,
             *mechanism.law_parameters,
-            *command_limits.PARAMETERS,
             *joint_limits.PARAMETERS,
             *velocity_estimator.PARAMETERS,
             moving_base.BASE_LAG,

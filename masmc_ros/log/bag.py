@@ -1,20 +1,67 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`metadata.yaml`, which makes the files of a folder one recording for ROS 2."""
+"""
+Folders of recordings: `metadata.yaml`, which makes their files one recording for ROS 2.
+
+It contains the quality of service of each topic, which a player offers again. `check_apart`
+rejects outputs that are inputs, also through links.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
+import os
 from pathlib import Path
 from typing import NamedTuple
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.offered_qos import Qos
-from masmc_ros.messages.definitions import Definition, definition
-from masmc_ros.output_files import write_file
+from masmc_ros.files import part_of, write_file
+from masmc_ros.messages.cdr_layout import Definition, definition
 import yaml
+
+_INFINITE = 'sec: 9223372036\n    nsec: 854775807'
+
+
+@dataclass(frozen=True)
+class Qos:
+    """
+    Quality of service of a publisher, with the names of ROS 2's QoS policies.
+
+    Attributes
+    ----------
+    depth
+        number of messages in the history.
+    history
+        `keep_last` or `keep_all`.
+    reliability
+        `reliable` or `best_effort`.
+    durability
+        `volatile` or `transient_local`.
+
+    """
+
+    depth: int = 1000
+    history: str = 'keep_last'
+    reliability: str = 'reliable'
+    durability: str = 'volatile'
+
+    def to_yaml(self) -> str:
+        """Return an entry of the list `offered_qos_profiles` of rosbag2."""
+        return (
+            f'- history: {self.history}\n'
+            f'  depth: {self.depth}\n'
+            f'  reliability: {self.reliability}\n'
+            f'  durability: {self.durability}\n'
+            f'  deadline:\n    {_INFINITE}\n'
+            f'  lifespan:\n    {_INFINITE}\n'
+            '  liveliness: automatic\n'
+            f'  liveliness_lease_duration:\n    {_INFINITE}\n'
+            '  avoid_ros_namespace_conventions: false'
+        )
+
 
 METADATA_FILE = 'metadata.yaml'
 
@@ -170,3 +217,27 @@ def _topic(topic: RecordedTopic, messages: int) -> dict[str, object]:
         },
         'message_count': messages,
     }
+
+
+def check_apart(outputs: Iterable[Path], inputs: Iterable[str | Path]) -> None:
+    """
+    Raise InputError if writing a file or a folder would change an input.
+
+    The parts of a recording are inputs as well if its folder is.
+    """
+    written = [(output, path) for output in outputs for path in (output, part_of(output))]
+    for source in inputs:
+        for read in _files(Path(source)):
+            for output, path in written:
+                # One of them may be missing.
+                with suppress(OSError, ValueError):
+                    if os.path.samefile(path, read):
+                        raise InputError(f'{output}: is what is read from {source}; name another')
+
+
+def _files(source: Path) -> Iterator[Path]:
+    yield source
+    if os.path.isdir(source):
+        yield source / METADATA_FILE
+        with suppress(InputError):  # its reader reports it
+            yield from (source / name for name in part_names(source))

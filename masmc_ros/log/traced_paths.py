@@ -13,14 +13,14 @@ from __future__ import annotations
 
 from collections import deque
 
+from masmc_ros.aliases import Array, Integers
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.path import path_message
-from masmc_ros.reference.sampled_trajectory import SampledTrajectory
+from masmc_ros.reference.reference import SampledTrajectory
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.robot.declaration import ODOM_FRAME
 from masmc_ros.robot.robot import Robot
 import numpy as np
-from numpy.typing import NDArray
 
 MOST_POSES = 1000
 """Maximum number of poses in a path."""
@@ -35,7 +35,7 @@ _Pose = tuple[int, float, float, float]
 """Stamp in ns and position in m."""
 
 
-def thinned(last: int, most: int = MOST_POSES) -> NDArray[np.int64]:
+def thinned(last: int, most: int = MOST_POSES) -> Integers:
     """Return at most `most` equidistant ticks of 0 ... last, both ends included."""
     step = -(-last // (most - 1))
     return np.array([*range(0, last, max(1, step)), last], dtype=np.int64)
@@ -72,7 +72,7 @@ class _TracedPath:
         )
         self._poses: deque[_Pose] = deque(maxlen=MOST_POSES)
 
-    def _positions(self, task: NDArray[np.float64], axes: slice) -> NDArray[np.float64]:
+    def _positions(self, task: Array, axes: slice) -> Array:
         """Return the positions (n, 3) of the point in m from task coordinates (n, ...)."""
         positions = np.full((len(task), 3), self._height)
         positions[:, :axes.stop - axes.start] = task[:, axes]
@@ -114,7 +114,7 @@ class DesiredPath(_TracedPath):
         stamps = origin_ns + np.array([self._timing.stamp(tick) for tick in ticks.tolist()])
         return path_message(self._frame, int(stamps[0]), stamps, points)
 
-    def piece(self, stamp_ns: int, starts_ns: int, samples: NDArray[np.float64]) -> bytes | None:
+    def piece(self, stamp_ns: int, starts_ns: int, samples: Array) -> bytes | None:
         """
         Add samples of a trajectory, and return its latest piece as a message, if there is one.
 
@@ -144,7 +144,7 @@ class ActualPath(_TracedPath):
         is_due = tick % self._stride == 0 or self._is_sent(tick)
         return is_due and self._axes is not None
 
-    def add(self, tick: int, position: NDArray[np.float64]) -> bytes | None:
+    def add(self, tick: int, position: Array) -> bytes | None:
         """
         Add the state of a tick that the path takes.
 

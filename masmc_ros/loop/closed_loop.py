@@ -40,8 +40,8 @@ from masmc_ros.jit.tuples import dot, elementwise, joined, tail, thirds
 from masmc_ros.jit.vectors import check_workspace, free, mark
 from masmc_ros.law import law
 from masmc_ros.law.parts import delay_compensation, joint_limits
-from masmc_ros.law.parts.command_limits import within_limits
 from masmc_ros.law.parts.delay_prediction import State
+from masmc_ros.law.parts.joint_limits import within_limits
 from masmc_ros.law.parts.velocity_estimator import estimate_rates
 from masmc_ros.loop.control import control, control_by_shortcut
 from masmc_ros.loop.reduction import reduce_tick

@@ -15,14 +15,14 @@ from masmc_ros.jit.vectors import free, mark
 from masmc_ros.law import law
 from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.parts import delay_compensation, joint_limits, moving_base, velocity_estimator
-from masmc_ros.law.parts.command_limits import within_limits
 from masmc_ros.law.parts.delay_prediction import State
+from masmc_ros.law.parts.joint_limits import within_limits
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.velocity_estimator import estimate_rates, ESTIMATED, note_disturbance
 from masmc_ros.law.tick import tick_of
 from masmc_ros.numerics.scalars import minus
 from masmc_ros.plant_model.plant_fields import Signals
-from masmc_ros.robot import drift, mechanism
+from masmc_ros.robot import mechanism
 
 SETTINGS = (
     Field('geometry', 'lengths', 'Lengths of the robot', 'm'),
@@ -37,7 +37,7 @@ SETTINGS = (
 MEMORY = (
     ESTIMATE,
     *velocity_estimator.MEMORY,
-    *drift.MEMORY,
+    *mechanism.DRIFT_MEMORY,
     Field('velocity_command', 'joints', 'Rates commanded at the last tick', 'm/s, rad/s'),
     Field('disturbance', 'axes', "The law's disturbance estimate d", 'N'),
 )

@@ -17,9 +17,9 @@ from masmc_ros.law.command_interface import by_velocity, is_hybrid, takes_rates
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts import velocity_estimator
 from masmc_ros.law.parts.adaptation import PROJECTION_LOWER
-from masmc_ros.law.parts.command_limits import TORQUE_LIMIT, TORQUE_RATE_LIMIT
 from masmc_ros.law.parts.delay_compensation import note_skipped
 from masmc_ros.law.parts.joint_limits import MEMORY as LIMIT_MEMORY
+from masmc_ros.law.parts.joint_limits import TORQUE_LIMIT, TORQUE_RATE_LIMIT
 from masmc_ros.law.parts.model import PAYLOAD
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES, VELOCITY_SOURCE
 from masmc_ros.law.plug_in import PlugInLaw

@@ -28,7 +28,7 @@ from typing import NamedTuple
 
 from masmc_ros.aliases import Array, Integers
 from masmc_ros.jit.compiled import bound, kernel
-from masmc_ros.law.parts.command_limits import TORQUE_LIMIT
+from masmc_ros.law.parts.joint_limits import TORQUE_LIMIT
 from masmc_ros.loop.controller import Controller
 import numpy as np
 from numpy.typing import NDArray

@@ -32,13 +32,12 @@ from masmc_ros.jit.lanes import lane_of
 from masmc_ros.jit.record import fill, new_record
 from masmc_ros.jit.tuples import dot, elementwise, tail
 from masmc_ros.jit.vectors import check_workspace
-from masmc_ros.law.parts.command_limits import TORQUE_LIMIT, TORQUE_RATE_LIMIT
 from masmc_ros.law.parts.delay_fields import LATENCY, MOTOR_LAG
+from masmc_ros.law.parts.joint_limits import TORQUE_LIMIT, TORQUE_RATE_LIMIT
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES, VELOCITY_SOURCE
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.controller_parameters import HOLD, VOID
-from masmc_ros.numerics.limits import clipped, limited
-from masmc_ros.numerics.scalars import minus, moved, times, zero
+from masmc_ros.numerics.scalars import clipped, limited, minus, moved, times, zero
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.declaration import formulas_of_tag
 import numpy as np

@@ -12,7 +12,7 @@ from importlib import import_module
 import math
 
 from masmc_ros.aliases import Array, Records
-from masmc_ros.errors import InputError
+from masmc_ros.errors import InputError, remedy
 from masmc_ros.jit.compiled import bound
 from masmc_ros.jit.record import AT_RUN_TIME, fill
 from masmc_ros.law.command_interface import by_velocity, is_hybrid, MEASURES_VELOCITY
@@ -43,11 +43,9 @@ from masmc_ros.loop.plant_parameters import (
 )
 from masmc_ros.loop.signals import OF_PLANT
 from masmc_ros.loop.timing import check_count, MOST_TICKS
-from masmc_ros.optional import remedy
 from masmc_ros.params.declaration import Values
 from masmc_ros.plant_model.drives import joint_inertias, lag_shares
-from masmc_ros.plant_model.elastic import LONGEST_STEP, natural_frequency
-from masmc_ros.plant_model.stiction import bristle_gains
+from masmc_ros.plant_model.joint_effects import bristle_gains, LONGEST_STEP, natural_frequency
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.robot.robot import Robot, robot_of, robot_with

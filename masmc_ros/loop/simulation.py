@@ -22,7 +22,7 @@ from masmc_ros.loop.simulated_robot import diverged, plant_of
 from masmc_ros.loop.tick_block import Change, TickBlock
 from masmc_ros.loop.timing import Timing
 from masmc_ros.reference.approach import Approach
-from masmc_ros.reference.sampled_trajectory import SampledTrajectory
+from masmc_ros.reference.reference import SampledTrajectory
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.robot.robot import robot_of
 import numpy as np

@@ -20,7 +20,7 @@ from masmc_ros.loop.scenario import Scenario
 from masmc_ros.loop.signals import OF_PLANT
 from masmc_ros.loop.simulation import BLOCK, Simulation
 from masmc_ros.loop.tick_block import Change, TickBlock
-from masmc_ros.reference.sampled_trajectory import SampledTrajectory
+from masmc_ros.reference.reference import SampledTrajectory
 import numpy as np
 
 

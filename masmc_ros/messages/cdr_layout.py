@@ -1,19 +1,101 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Layout of a CDR message, from its definition and the strings and sizes in it."""
+"""Message definitions of ROS 2 Jazzy, and layouts of CDR messages with their strings and sizes."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
+from functools import cache, cached_property
+import json
+from pathlib import Path
 import struct
-from typing import Any
+from typing import Any, NamedTuple, TYPE_CHECKING
 
-from masmc_ros.errors import InputError
-from masmc_ros.messages.definitions import members
+from masmc_ros.aliases import Bytes, Flags, Records, Stamps
+from masmc_ros.errors import InputError, suggestion
 import numpy as np
-from numpy.typing import ArrayLike, DTypeLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike
+
+if TYPE_CHECKING:
+    from rosbags.typesys.store import Typestore
+
+
+class Definition(NamedTuple):
+    """
+    Definition of a message type.
+
+    Attributes
+    ----------
+    text
+        Definition in the form `ros2msg`, with those of the types that it uses.
+    type_hash
+        Version hash of REP-2011, `RIHS01_...`.
+
+    """
+
+    text: str
+    type_hash: str
+
+
+KEPT = Path(__file__).with_name('definitions.json')
+"""Text and hash of the types of every run; loading all types of Jazzy takes 0.15 s."""
+
+
+@cache
+def _kept() -> dict[str, list[str]]:
+    definitions: dict[str, list[str]] = json.loads(KEPT.read_text('utf-8'))
+    return definitions
+
+
+@cache
+def _store() -> Typestore:
+    from rosbags.typesys import get_typestore, Stores
+
+    return get_typestore(Stores.ROS2_JAZZY)
+
+
+@cache
+def definition(type_name: str) -> Definition:
+    """
+    Return the definition of a message type.
+
+    Parameters
+    ----------
+    type_name
+        Name such as `sensor_msgs/msg/JointState`.
+
+    Raises
+    ------
+    InputError
+        If Jazzy does not have the type.
+
+    """
+    kept = _kept().get(type_name)
+    return Definition(*kept) if kept else definition_of_jazzy(type_name)
+
+
+@cache
+def members(type_name: str) -> dict[str, list[list[str]]]:
+    """Return type and name of the members of a message type and of those that it uses, by type."""
+    text = f'MSG: {type_name}\n{definition(type_name).text}'
+    return {
+        head.removeprefix('MSG: '): [line.split() for line in lines]
+        for head, *lines in map(str.splitlines, text.split('=' * 80 + '\n'))
+    }
+
+
+def definition_of_jazzy(type_name: str) -> Definition:
+    """Return the definition of a message type from the library, which has all types of Jazzy."""
+    store = _store()
+    if type_name not in store.fielddefs:
+        raise InputError(
+            f"message type '{type_name}' is not one of ROS 2 Jazzy's own:"
+            f' {suggestion(type_name, store.fielddefs)}'
+        )
+    text, _ = store.generate_msgdef(type_name, ros_version=2)
+    return Definition(text, store.hash_rihs01(type_name))
+
 
 ENCAPSULATION = b'\x00\x01\x00\x00'
 """Header of plain CDR, little endian, which ROS 2 middleware uses on little-endian machines."""
@@ -35,7 +117,7 @@ STAMP = struct.Struct('<iI')
 TIME = np.dtype([('sec', '<i4'), ('nanosec', '<u4')], align=True)
 """builtin_interfaces/Time as a field of many messages."""
 
-Messages = NDArray[np.void]
+Messages = Records
 """Messages (N) as records of a layout's dtype."""
 
 _Path = tuple[str, ...]
@@ -177,7 +259,7 @@ class Layout:
             self._fields.append((f'_{len(self._fields)}', f'V{gap}'))
 
     @cached_property
-    def forms(self) -> NDArray[np.uint8]:
+    def forms(self) -> Bytes:
         """
         Return (3, size): the template, the mask of constant bytes and that of variable bytes.
 
@@ -214,7 +296,7 @@ class Layout:
                 field[:] = values
         return messages
 
-    def read(self, raws: Sequence[bytes]) -> tuple[NDArray[np.bool_], Messages]:
+    def read(self, raws: Sequence[bytes]) -> tuple[Flags, Messages]:
         """
         Read many messages of the right size.
 
@@ -236,6 +318,6 @@ class Layout:
         return matches, np.frombuffer(joined, self.dtype)
 
 
-def stamps_of(times: Messages) -> NDArray[np.int64]:
+def stamps_of(times: Messages) -> Stamps:
     """Return stamps (N) in ns of a field of times (N)."""
     return np.asarray(times['sec'].astype(np.int64) * NANOSECONDS + times['nanosec'])

@@ -16,33 +16,25 @@ from functools import cached_property
 import re
 from typing import NamedTuple
 
+from masmc_ros.aliases import Array, Bytes, Indices, Integers, Stamps
 from masmc_ros.errors import InputError
-from masmc_ros.messages import deserialised
-from masmc_ros.messages.cdr_layout import (
-    checked_stamp,
-    HEADER_SIZE,
-    Layout,
-    Messages,
-    NANOSECOND_DIGITS,
-    NANOSECONDS,
-    UNREAD,
-)
-from masmc_ros.messages.names import DRIVEN_JOINTS, RATED_JOINTS
-from masmc_ros.messages.std_msgs import multi_array_layout
+from masmc_ros.messages import cdr_layout, deserialised
+from masmc_ros.messages.message import multi_array_layout
+from masmc_ros.messages.topics import DRIVEN_JOINTS, RATED_JOINTS
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-_DIMENSIONS = slice(HEADER_SIZE, HEADER_SIZE + 4)
+_DIMENSIONS = slice(cdr_layout.HEADER_SIZE, cdr_layout.HEADER_SIZE + 4)
 """Bytes of the number of dimensions; the size of the first label and the label follow."""
 
-_LABEL = HEADER_SIZE + 8
+_LABEL = cdr_layout.HEADER_SIZE + 8
 """First byte of the label."""
 
 _SECOND_DIGITS = 10
 
-_STAMP_LENGTHS = range(len('0.0'), _SECOND_DIGITS + len('.') + NANOSECOND_DIGITS + 1)
+_STAMP_LENGTHS = range(len('0.0'), _SECOND_DIGITS + len('.') + cdr_layout.NANOSECOND_DIGITS + 1)
 
-_SHORTEST = len('0.') + NANOSECOND_DIGITS
+_SHORTEST = len('0.') + cdr_layout.NANOSECOND_DIGITS
 """Smallest number of characters of a stamp that compiled code reads: to the nanosecond."""
 
 
@@ -59,8 +51,8 @@ class CommandMessages(NamedTuple):
 
     """
 
-    indices: NDArray[np.intp]
-    messages: Messages
+    indices: Indices
+    messages: cdr_layout.Messages
 
 
 class CommandKind:
@@ -85,7 +77,7 @@ class CommandKind:
         self.name, self.quantity, self.prefix = name, quantity, prefix
         self.joints = tuple(joints)
         self._label = re.compile(re.escape(prefix) + r'(\d+)\.(\d{1,9})', re.ASCII)
-        self._layouts: dict[int, Layout] = {}
+        self._layouts: dict[int, cdr_layout.Layout] = {}
 
     def named(self, joints: Sequence[str]) -> CommandKind:
         """Return the same kind with other joint names."""
@@ -93,7 +85,7 @@ class CommandKind:
             return self
         return CommandKind(self.name, self.quantity, self.prefix, joints)
 
-    def layout(self, characters: int) -> Layout:
+    def layout(self, characters: int) -> cdr_layout.Layout:
         """Return the layout of a command with this number of characters after the prefix."""
         layout = self._layouts.get(characters)
         if layout is None:
@@ -103,7 +95,7 @@ class CommandKind:
         return layout
 
     def messages(
-        self, stamps: NDArray[np.int64], numbers: ArrayLike, is_void: ArrayLike = False
+        self, stamps: Stamps, numbers: ArrayLike, is_void: ArrayLike = False
     ) -> list[CommandMessages]:
         """
         Return many commands, grouped by the number of digits of the seconds.
@@ -120,7 +112,7 @@ class CommandKind:
         """
         numbers = np.asarray(numbers)
         voids = np.broadcast_to(np.asarray(is_void, bool), len(numbers))
-        seconds, nanoseconds = np.divmod(stamps, NANOSECONDS)
+        seconds, nanoseconds = np.divmod(stamps, cdr_layout.NANOSECONDS)
         lengths = np.char.str_len(seconds.astype(str))
         groups = []
         for length in np.unique(lengths).tolist():
@@ -128,9 +120,9 @@ class CommandKind:
             label = (
                 _digits(seconds[indices], length),
                 np.full((len(indices), 1), ord('.'), np.uint8),
-                _digits(nanoseconds[indices], NANOSECOND_DIGITS),
+                _digits(nanoseconds[indices], cdr_layout.NANOSECOND_DIGITS),
             )
-            messages = self.layout(length + 1 + NANOSECOND_DIGITS).messages(
+            messages = self.layout(length + 1 + cdr_layout.NANOSECOND_DIGITS).messages(
                 layout_dim_0_label=np.hstack(label),
                 layout_data_offset=voids[indices] * len(self.joints),
                 data=numbers[indices],
@@ -138,7 +130,7 @@ class CommandKind:
             groups.append(CommandMessages(indices, messages))
         return groups
 
-    def layout_of(self, raw: bytes) -> Layout | None:
+    def layout_of(self, raw: bytes) -> cdr_layout.Layout | None:
         """Return the layout of a message by the size of its label; None if no stamp fits it."""
         characters = _label_size(raw) - len(self.prefix) - 1
         return self.layout(characters) if characters in _STAMP_LENGTHS else None
@@ -182,16 +174,16 @@ class CommandKind:
             raise InputError(f"{self.name}: label '{label}' is not {expected}")
         if len(match[1]) > _SECOND_DIGITS:
             raise InputError(f"{self.name}: label '{label[:40]}' is beyond 2**31 s")
-        return checked_stamp(int(match[1]) * NANOSECONDS + int(match[2]))
+        return cdr_layout.checked_stamp(int(match[1]) * cdr_layout.NANOSECONDS + int(match[2]))
 
 
-def _digits(numbers: NDArray[np.int64], count: int) -> NDArray[np.uint8]:
+def _digits(numbers: Integers, count: int) -> Bytes:
     """Return the decimal digits (N, count) of numbers (N)."""
     powers = 10 ** np.arange(count - 1, -1, -1)
     return (numbers[:, None] // powers % 10 + ord('0')).astype(np.uint8)
 
 
-def _places(layout: Layout) -> NDArray[np.int64]:
+def _places(layout: cdr_layout.Layout) -> Integers:
     """Return the bytes at which the stamp starts and ends, the numbers and `data_offset` start."""
     characters, data = layout.places['layout_dim_0_label'], layout.places['data']
     offset = layout.places['layout_data_offset']
@@ -207,7 +199,7 @@ class CommandWriter:
     """Writer of the commands whose numbers are in one array."""
 
     def __init__(
-        self, kind: CommandKind, numbers: NDArray[np.float64], *, is_void: bool = False
+        self, kind: CommandKind, numbers: Array, *, is_void: bool = False
     ) -> None:
         """
         Initialise the writer.
@@ -238,10 +230,10 @@ class CommandWriter:
 
     def _prepare(self, stamp_ns: int) -> None:
         """Use the layout for stamps with as many digits as this one."""
-        digits = len(str(stamp_ns // NANOSECONDS))
-        self._first = 0 if digits == 1 else 10 ** (digits - 1) * NANOSECONDS
-        self._end = 10**digits * NANOSECONDS
-        layout = self._kind.layout(digits + 1 + NANOSECOND_DIGITS)
+        digits = len(str(stamp_ns // cdr_layout.NANOSECONDS))
+        self._first = 0 if digits == 1 else 10 ** (digits - 1) * cdr_layout.NANOSECONDS
+        self._end = 10**digits * cdr_layout.NANOSECONDS
+        layout = self._kind.layout(digits + 1 + cdr_layout.NANOSECOND_DIGITS)
         self._places = _places(layout)
         offset = self._is_void * len(self._numbers)
         (message,) = layout.messages(layout_data_offset=[offset]).view(np.uint8).reshape(1, -1)
@@ -301,9 +293,9 @@ class LabelledCdr:
 
         """
         stamp, is_void = self._read(raw, self._layout.forms, self._places, self.data)
-        if stamp == UNREAD and self._adopts(raw):
+        if stamp == cdr_layout.UNREAD and self._adopts(raw):
             stamp, is_void = self._read(raw, self._layout.forms, self._places, self.data)
-        if stamp == UNREAD:
+        if stamp == cdr_layout.UNREAD:
             return False
         self.stamp_ns, self.is_void = stamp, is_void
         return True

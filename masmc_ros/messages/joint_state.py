@@ -8,13 +8,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cached_property, lru_cache
 
+from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError
 from masmc_ros.messages import deserialised
 from masmc_ros.messages.cdr_layout import checked_stamp, Layout, NANOSECONDS
 from masmc_ros.messages.message import StampedMessage
-from masmc_ros.messages.names import JOINTS
+from masmc_ros.messages.topics import JOINTS
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 FIELDS = ('position', 'velocity', 'effort')
 """Fields of a joint state with a number for each joint."""
@@ -78,9 +79,9 @@ class JointStateCdr(StampedMessage):
 
     def writer(
         self,
-        position: NDArray[np.float64],
-        velocity: NDArray[np.float64],
-        effort: NDArray[np.float64],
+        position: Array,
+        velocity: Array,
+        effort: Array,
     ) -> Callable[[int], bytes]:
         """
         Return a function of a stamp in ns that returns the message of these arrays' numbers.
@@ -155,7 +156,7 @@ class JointStateCdr(StampedMessage):
         self.effort[first:] = effort
         self.set_stamp(stamp_ns)
 
-    def _pick(self, values: ArrayLike, field: str) -> NDArray[np.float64]:
+    def _pick(self, values: ArrayLike, field: str) -> Array:
         array = _doubles(values)
         if len(array) != len(self._names):
             raise InputError(
@@ -166,7 +167,7 @@ class JointStateCdr(StampedMessage):
 
     def _pick_velocity(
         self, values: ArrayLike, unknown: float | None
-    ) -> NDArray[np.float64]:
+    ) -> Array:
         if unknown is None:
             if not len(_doubles(values)):
                 raise InputError(f'joint state: velocity is empty; {_REMEDY}')
@@ -179,18 +180,18 @@ class JointStateCdr(StampedMessage):
         return np.where(np.isfinite(velocity), velocity, unknown)
 
 
-def _doubles(values: ArrayLike) -> NDArray[np.float64]:
+def _doubles(values: ArrayLike) -> Array:
     return np.asarray(values, dtype=np.float64)
 
 
-def _check_velocity(values: NDArray[np.float64], joints: tuple[str, ...]) -> None:
+def _check_velocity(values: Array, joints: tuple[str, ...]) -> None:
     try:
         _check_finite(values, joints, 'velocity')
     except InputError as error:
         raise InputError(f'{error}; {_REMEDY}') from None
 
 
-def _check_finite(values: NDArray[np.float64], joints: tuple[str, ...], field: str) -> None:
+def _check_finite(values: Array, joints: tuple[str, ...], field: str) -> None:
     finite = np.isfinite(values)
     if not finite.all():
         joint = joints[int(np.argmin(finite))]

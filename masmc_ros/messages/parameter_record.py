@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from masmc_ros.errors import InputError
 from masmc_ros.messages.cdr_layout import checked_stamp
-from masmc_ros.messages.std_msgs import text_of
+from masmc_ros.messages.message import text_of
 from masmc_ros.params.declaration import MutableValues
 
 _INTEGERS = range(-(2**63), 2**63)

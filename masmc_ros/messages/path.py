@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from functools import lru_cache
 
+from masmc_ros.aliases import Array, Stamps
 from masmc_ros.messages.cdr_layout import ENCAPSULATION, Layout
 import numpy as np
-from numpy.typing import NDArray
 
 POSE_STAMPED = 'geometry_msgs/msg/PoseStamped'
 
@@ -40,7 +40,7 @@ def path_layouts(frame: str) -> tuple[Layout, Layout, Layout]:
 
 
 def path_message(
-    frame: str, stamp_ns: int, stamps: NDArray[np.int64], points: NDArray[np.float64]
+    frame: str, stamp_ns: int, stamps: Stamps, points: Array
 ) -> bytes:
     """
     Return a serialised path.
@@ -69,7 +69,7 @@ def path_message(
     return b''.join((head, *parts))
 
 
-def path_points(raw: bytes) -> NDArray[np.float64] | None:
+def path_points(raw: bytes) -> Array | None:
     """
     Return the positions (n, 3) in m of a serialised path.
 

@@ -8,13 +8,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 
+from masmc_ros.aliases import Array, Stamps
 from masmc_ros.errors import InputError
 from masmc_ros.messages import deserialised
 from masmc_ros.messages.cdr_layout import Layout, NANOSECONDS
-from masmc_ros.messages.names import DERIVATIVES, TASK_AXES
-from masmc_ros.messages.std_msgs import multi_array_layout
+from masmc_ros.messages.message import multi_array_layout
+from masmc_ros.messages.topics import DERIVATIVES, TASK_AXES
 import numpy as np
-from numpy.typing import NDArray
 
 STAMP_NUMBERS = 3
 """Number of entries before the samples: seconds, nanoseconds, sample period."""
@@ -51,9 +51,9 @@ class ReferenceWindow:
 
     stamp_ns: int | None
     period: float
-    samples: NDArray[np.float64]
+    samples: Array
 
-    def stamps(self) -> NDArray[np.int64]:
+    def stamps(self) -> Stamps:
         """Return the time (n) of each sample in ns; 0 for a set-point."""
         steps = np.rint(np.arange(len(self.samples)) * (NANOSECONDS * self.period))
         return np.asarray((self.stamp_ns or 0) + steps.astype(np.int64))
@@ -144,7 +144,7 @@ class ReferenceWindow:
         return _window(numbers, axes)
 
 
-def _window(numbers: NDArray[np.float64], axes: int) -> ReferenceWindow:
+def _window(numbers: Array, axes: int) -> ReferenceWindow:
     """Return the window of [seconds, nanoseconds, period, samples...]."""
     _check_finite(numbers)
     seconds, nanoseconds, period = numbers[:STAMP_NUMBERS].tolist()
@@ -166,7 +166,7 @@ def _window(numbers: NDArray[np.float64], axes: int) -> ReferenceWindow:
     return ReferenceWindow(int(seconds) * NANOSECONDS + int(nanoseconds), period, samples)
 
 
-def _set_point(numbers: NDArray[np.float64], axes: int) -> ReferenceWindow:
+def _set_point(numbers: Array, axes: int) -> ReferenceWindow:
     """Return the set-point of positions, with or without velocities and accelerations."""
     if len(numbers) not in (axes, 2 * axes, 3 * axes):
         raise InputError(
@@ -179,6 +179,6 @@ def _set_point(numbers: NDArray[np.float64], axes: int) -> ReferenceWindow:
     return ReferenceWindow(None, 0.0, samples)
 
 
-def _check_finite(numbers: NDArray[np.float64]) -> None:
+def _check_finite(numbers: Array) -> None:
     if not np.isfinite(numbers).all():
         raise InputError(f'reference: number {int(np.argmin(np.isfinite(numbers)))} is not finite')

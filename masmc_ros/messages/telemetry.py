@@ -9,13 +9,13 @@ from collections.abc import Callable
 from functools import cache
 import struct
 
+from masmc_ros.aliases import Array, Stamps
 from masmc_ros.errors import InputError
 from masmc_ros.messages import deserialised
 from masmc_ros.messages.cdr_layout import END_OF_TIME, Layout, Messages, NANOSECONDS
-from masmc_ros.messages.message import Message
-from masmc_ros.messages.std_msgs import multi_array_layout
+from masmc_ros.messages.message import Message, multi_array_layout
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 STAMP_NUMBERS = 2
 """Number of entries before the values: seconds and nanoseconds."""
@@ -35,7 +35,7 @@ def telemetry_count(label: str, size: int) -> int:
     return (size - empty) // (one - empty)
 
 
-def telemetry_messages(label: str, stamps: NDArray[np.int64], values: ArrayLike) -> Messages:
+def telemetry_messages(label: str, stamps: Stamps, values: ArrayLike) -> Messages:
     """
     Return many telemetry messages.
 
@@ -86,7 +86,7 @@ class TelemetryCdr(Message):
         """Write the stamp in ns of the state of the values."""
         _STAMP_PAIR.pack_into(self._wire, self._stamp_offset, *divmod(stamp_ns, NANOSECONDS))
 
-    def writer(self, values: NDArray[np.float64]) -> Callable[[int], bytes]:
+    def writer(self, values: Array) -> Callable[[int], bytes]:
         """Return a function of a stamp in ns that returns the message of an array's numbers."""
         from masmc_ros.jit.compiled import bound
         from masmc_ros.messages.kernels import write_telemetry

@@ -1,31 +1,50 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Topics of a run, with names relative to the robot."""
+"""Topics of a run, relative to the robot, and the names of joints and labels in messages."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 from masmc_ros.loop.signals import CONTACT, PUBLISHED, Signal
-from masmc_ros.messages.names import (
-    ACTUAL_PATH_TOPIC,
-    ARM_VELOCITY_TOPIC,
-    CLOCK_TOPIC,
-    CMD_VEL_TOPIC,
-    COMMAND_TOPIC,
-    CONTACT_TOPIC,
-    CONTROLLER_STATE_TOPIC,
-    DESCRIPTION_TOPIC,
-    DESIRED_PATH_TOPIC,
-    PAYLOAD_TOPIC,
-    REFERENCE_TOPIC,
-    SHARED_TOPIC,
-    STATE_TOPIC,
-    TELEMETRY,
-    telemetry_topic,
-)
-from masmc_ros.robot.mechanisms import DEFAULT
+from masmc_ros.robot.mechanisms import all_joints, DEFAULT
+
+JOINTS = all_joints(DEFAULT)
+"""Default joint names of a joint state."""
+DRIVEN_JOINTS = JOINTS[len(DEFAULT.base):]
+RATED_JOINTS = DRIVEN_JOINTS[len(DEFAULT.twist):]
+"""Joints that are commanded individually with commanded velocities; the others have a twist."""
+
+TASK_AXES = len(DEFAULT.axes)
+"""Default number of axes of a reference."""
+
+DERIVATIVES = 3
+"""Number of derivatives of a reference: position, velocity and acceleration."""
+
+STATE_TOPIC = 'joint_states'
+COMMAND_TOPIC = 'effort_commands'
+SHARED_TOPIC = 'wheel_commands'
+CMD_VEL_TOPIC = 'cmd_vel'
+ARM_VELOCITY_TOPIC = 'arm_velocity_commands'
+CONTACT_TOPIC = 'plant/contact'
+PAYLOAD_TOPIC = 'controller/payload'
+CONTROLLER_STATE_TOPIC = 'controller/state'
+CONTACT_LABEL = 'contact'
+REFERENCE_TOPIC = 'reference'
+DESCRIPTION_TOPIC = 'robot_description'
+DESIRED_PATH_TOPIC = 'path/desired'
+ACTUAL_PATH_TOPIC = 'path/actual'
+CLOCK_TOPIC = 'clock'
+
+TELEMETRY = {signal.label: signal.count(DEFAULT.sizes) for signal in PUBLISHED}
+"""Label of each telemetry message and its default number of values."""
+
+
+def telemetry_topic(label: str) -> str:
+    """Return the topic of a telemetry label, relative to the robot."""
+    return f'controller/{label}'
+
 
 FLOAT_ARRAY = 'std_msgs/msg/Float64MultiArray'
 ODOMETRY = 'nav_msgs/msg/Odometry'

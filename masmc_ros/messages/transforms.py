@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Poses of the robot's frames as tf2_msgs/TFMessage.
+Poses of frames: those of the robot as tf2_msgs/TFMessage, and the tree of the latest transforms.
 
 All transforms of a tick, also the fixed one, are in one message. A viewer that jumps to any time
 therefore needs only the latest message up to that time.
@@ -13,12 +13,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import cache
 
+from masmc_ros.aliases import Array, Stamps
 from masmc_ros.errors import InputError
 from masmc_ros.messages.cdr_layout import ENCAPSULATION, Layout, Messages, NANOSECONDS, STAMP
 from masmc_ros.messages.message import Message
 from masmc_ros.robot.mechanisms import DEFAULT
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 _COUNT = 4
 """Bytes of a count, and of the length before a string."""
@@ -46,8 +47,8 @@ def transforms_layout(frame_prefix: str = '', frames: Frames = DEFAULT.frames) -
 
 
 def transforms_messages(
-    stamps: NDArray[np.int64],
-    transforms: NDArray[np.float64],
+    stamps: Stamps,
+    transforms: Array,
     frame_prefix: str = '',
     frames: Frames = DEFAULT.frames,
 ) -> Messages:
@@ -87,7 +88,7 @@ class TransformsCdr(Message):
         numbers = np.array([[place.start] for place in places[1::2]])
         self._numbers = (numbers + self._lead) // 8 + np.arange(TRANSFORM)
 
-    def fill(self, stamp_ns: int, transforms: NDArray[np.float64]) -> bytes:
+    def fill(self, stamp_ns: int, transforms: Array) -> bytes:
         """Write the stamp and transforms (frames, TRANSFORM); return the serialised message."""
         stamp = STAMP.pack(*divmod(stamp_ns, NANOSECONDS))
         for place in self._stamps:
@@ -103,7 +104,7 @@ def first_frames(raw: bytes) -> tuple[str, str]:
     return parent, child
 
 
-def transforms_of(raw: bytes) -> Iterator[tuple[str, str, NDArray[np.float64]]]:
+def transforms_of(raw: bytes) -> Iterator[tuple[str, str, Array]]:
     """
     Yield parent, child and numbers (TRANSFORM) of the transforms of a TFMessage of any sender.
 
@@ -150,3 +151,78 @@ def _string(raw: bytes, start: int) -> tuple[str, int]:
     length = int.from_bytes(raw[start:start + _COUNT], 'little')
     end = start + _COUNT + length
     return raw[start + _COUNT:end - 1].decode('utf-8', 'replace'), end
+
+
+_IDENTITY = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+
+
+class FrameTree:
+    """Tree of frames, each with the latest transform from its parent."""
+
+    def __init__(self) -> None:
+        """Initialise without frames."""
+        self._static: dict[str, tuple[str, Array]] = {}
+        self._moving: dict[str, tuple[str, Array]] = {}
+
+    def add(self, raw: bytes, *, is_static: bool) -> None:
+        """Store the transforms of a TFMessage; InputError for bytes that are none."""
+        parents = self._static if is_static else self._moving
+        for parent, child, numbers in transforms_of(raw):
+            parents[child.lstrip('/')] = parent.lstrip('/'), numbers
+
+    def forget_moving(self) -> None:
+        """Remove the transforms that are not static."""
+        self._moving.clear()
+
+    def pose(self, frame: str, target: str) -> Array | None:
+        """
+        Return the pose (7) of a frame in another one; None if they are not connected.
+
+        The numbers are the position in m and a unit quaternion x, y, z, w.
+        """
+        ways = self._way(frame), self._way(target)
+        common = next((name for name in ways[0] if name in ways[1]), None)
+        if common is None:
+            return None
+        return moved(_inverse(ways[1][common]), ways[0][common])
+
+    def _way(self, frame: str) -> dict[str, Array]:
+        """Return the pose of a frame in itself and in each frame above it, from it upwards."""
+        way = {frame: _IDENTITY}
+        parents = {**self._static, **self._moving}
+        while frame in parents:
+            pose = way[frame]
+            frame, numbers = parents[frame]
+            if frame in way:
+                break  # a loop, of senders that disagree
+            way[frame] = moved(numbers, pose)
+        return way
+
+
+def moved(transform: Array, poses: Array) -> Array:
+    """
+    Return poses of a frame in another one.
+
+    Parameters
+    ----------
+    transform
+        Pose (7) of the frame there.
+    poses
+        Poses (..., 7) in the frame.
+
+    """
+    result = np.empty(np.shape(poses))
+    x, w = transform[3:6], transform[6]
+    position, vector, scalar = poses[..., :3], poses[..., 3:6], poses[..., 6:]
+    turn = 2.0 * np.cross(x, position)
+    result[..., :3] = transform[:3] + position + w * turn + np.cross(x, turn)
+    result[..., 3:6] = w * vector + scalar * x + np.cross(x, vector)
+    result[..., 6:] = w * scalar - np.sum(x * vector, axis=-1, keepdims=True)
+    return result
+
+
+def _inverse(transform: Array) -> Array:
+    back = _IDENTITY.copy()
+    back[3:6], back[6] = -transform[3:6], transform[6]
+    back[:3] = moved(back, np.append(-transform[:3], _IDENTITY[3:]))[:3]
+    return back

@@ -12,7 +12,7 @@ from typing import Any
 import weakref
 
 from masmc_ros.aliases import AnyArray, Array, Flags, Integers, Records
-from masmc_ros.campaign.part import CPU
+from masmc_ros.campaign.runs import CPU
 from masmc_ros.errors import InputError
 from masmc_ros.jit.record import AT_RUN_TIME, lanes_of, places_of
 from masmc_ros.law.command_interface import takes_rates

@@ -29,7 +29,7 @@ from masmc_ros.loop.supervision import (
     supervision_record,
     supervision_start,
 )
-from masmc_ros.messages.stamp_order import state_timeout
+from masmc_ros.messages.stamps import state_timeout
 from masmc_ros.plant_model.plant_tick import advance, observe
 from masmc_ros.reference.line_sine import line_sine
 from masmc_ros.robot.dead_reckoning import odometry

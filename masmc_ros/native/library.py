@@ -20,10 +20,10 @@ from masmc_ros import __version__
 from masmc_ros.aliases import Records
 from masmc_ros.child_process import module_command, processors
 from masmc_ros.errors import InputError
+from masmc_ros.files import check_absent, make_folder, write_file
 from masmc_ros.jit.compiled import interpreted, stored
 from masmc_ros.jit.sized_records import has_layout, LAYOUT, TAG
 from masmc_ros.jit.vectors import WORKSPACE
-from masmc_ros.json_text import json_text
 from masmc_ros.law.parts.delay_fields import ENABLING
 from masmc_ros.law.parts.model import PAYLOAD
 from masmc_ros.law.registry import LAW, SWITCHING_TERM
@@ -49,8 +49,8 @@ from masmc_ros.native.object_code import archive, MEMORY, merged, object_of
 from masmc_ros.native.ros2_control import check_supervised, package_contents, package_name
 from masmc_ros.native.targets import Target
 from masmc_ros.native.template import filled, INTERMEDIATE_CODE
-from masmc_ros.output_files import check_absent, make_folder, write_file
 from masmc_ros.params.declaration import Parameter
+from masmc_ros.result_text import json_text
 from masmc_ros.robot.dead_reckoning import has_odometry
 import numpy as np
 

@@ -23,7 +23,6 @@ from masmc_ros.compare.contenders import Contender, contenders
 from masmc_ros.errors import InputError
 from masmc_ros.jit.sized_records import has_layout
 from masmc_ros.jit.vectors import WORKSPACE
-from masmc_ros.json_text import json_text
 from masmc_ros.law import registry
 from masmc_ros.law.command_interface import COMMAND_INTERFACE
 from masmc_ros.law.parts.model import PAYLOAD_MASS
@@ -40,9 +39,10 @@ from masmc_ros.native.object_code import joined_object, merged, optimised
 from masmc_ros.native.targets import WEB
 from masmc_ros.native.web_module import web_module
 from masmc_ros.params.declaration import Parameter
-from masmc_ros.params.sliders import FACTOR, level_of, range_up_to
+from masmc_ros.params.presentation import FACTOR, level_of, range_up_to
 from masmc_ros.reference.trajectory import TYPE
 from masmc_ros.report.page.template import rendered
+from masmc_ros.result_text import json_text
 from masmc_ros.robot import mechanisms
 from masmc_ros.robot.tree.frames import STANDS
 from masmc_ros.robot.tree.tree_mechanism import TreeMechanism

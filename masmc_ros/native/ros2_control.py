@@ -15,7 +15,7 @@ from masmc_ros.law.command_interface import COMMAND_INTERFACE
 from masmc_ros.loop.supervision import is_supervised
 from masmc_ros.native.template import filled
 from masmc_ros.params.declaration import Parameter, Values
-from masmc_ros.robot.joint_names import driven_joint_names, joint_names
+from masmc_ros.robot.mechanisms import driven_joint_names, joint_names
 
 _KINDS = {'bool': 'kBool', 'integer': 'kInteger', 'string': 'kInteger'}
 

@@ -18,19 +18,18 @@ import sys
 import time
 
 from masmc_ros.aliases import Array
-from masmc_ros.compare.foreign import Controller, MistakeOfControllerError, OPTION, TOPICS
+from masmc_ros.compare.contenders import Controller, MistakeOfControllerError, OPTION, TOPICS
 from masmc_ros.errors import InputError
 from masmc_ros.law.plug_in import TickInput
 from masmc_ros.messages.cdr_layout import NANOSECONDS
 from masmc_ros.messages.joint_state import JointStateCdr
-from masmc_ros.messages.names import COMMAND_TOPIC, REFERENCE_TOPIC, STATE_TOPIC
 from masmc_ros.messages.reference_window import ReferenceWindow
-from masmc_ros.nodes.middleware.client_node import client_node
-from masmc_ros.nodes.middleware.past import subscribe
-from masmc_ros.nodes.middleware.qos import publisher_qos
-from masmc_ros.nodes.plant.command_sources import torque_sources
+from masmc_ros.messages.topics import COMMAND_TOPIC, REFERENCE_TOPIC, STATE_TOPIC
+from masmc_ros.nodes.middleware.rcl_setup import client_node
+from masmc_ros.nodes.middleware.ros_topics import publisher_qos, subscribe
+from masmc_ros.nodes.plant.command_input import torque_sources
 from masmc_ros.params.declaration import Values
-from masmc_ros.robot.joint_names import driven_joint_names, joint_names
+from masmc_ros.robot.mechanisms import driven_joint_names, joint_names
 import numpy as np
 from rclpy.executors import Executor
 from rclpy.node import Node

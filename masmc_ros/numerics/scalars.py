@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Formulas of numbers for use on vectors, as in `elementwise(plus, a, b)`."""
+"""Formulas of numbers and their limits, for use on vectors as in `elementwise(plus, a, b)`."""
 
 from __future__ import annotations
 
@@ -52,3 +52,26 @@ def nearest(value: float) -> int:
     if abs(part) > 0.5 or (abs(part) == 0.5 and whole & 1 != 0):
         whole += 1 if part > 0.0 else -1
     return whole
+
+
+@formula
+def clipped(value: float, limit: float) -> float:
+    """Return the value limited to [-limit, limit]; 0 disables the limit."""
+    within = limit if value > limit else (-limit if value < -limit else value)
+    return within if limit > 0.0 else value
+
+
+@formula
+def limited(
+    value: float, previous: float, limit: float, rate_limit: float, period: float
+) -> float:
+    """
+    Return a command within its limits: of magnitude, and of change since `previous`.
+
+    Torques are in N·m, the rate in N·m/s, the period in s; 0 disables a limit. The magnitude is
+    limited last, so a reduced limit applies immediately.
+    """
+    step = rate_limit * period
+    change = value - previous
+    reached = previous + step if change > step else (previous - step if change < -step else value)
+    return clipped(reached if rate_limit > 0.0 else value, limit)

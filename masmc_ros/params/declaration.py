@@ -14,8 +14,7 @@ import re
 from typing import Any, Generic, Literal, TypeGuard, TypeVar
 
 from masmc_ros.errors import InputError, suggestion
-from masmc_ros.params.scalar import typed
-from masmc_ros.params.text import yaml_text
+from masmc_ros.params.text import typed, yaml_text
 
 
 @dataclass(frozen=True)

@@ -22,8 +22,7 @@ from masmc_ros.errors import InputError
 from masmc_ros.params.blocks import Block, PARAMETERS_KEY, read_blocks
 from masmc_ros.params.declaration import MutableValues, Values
 from masmc_ros.params.text import yaml_text
-from masmc_ros.params.values import FileValue, value_of
-from masmc_ros.params.yaml_nodes import compose
+from masmc_ros.params.yaml_nodes import compose, FileValue, value_of
 
 
 @dataclass(frozen=True)

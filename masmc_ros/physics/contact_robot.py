@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 import math
 
+from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError
 from masmc_ros.jit.compiled import bound
 from masmc_ros.loop.closed_loop import plant_drive, plant_observe
@@ -25,7 +26,6 @@ from masmc_ros.physics.mujoco_model import contact_model
 from masmc_ros.robot.robot import Robot
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 _SETTLING = 0.5
 """Time in s for the robot to settle on wheels and castors before the start."""
@@ -94,7 +94,7 @@ class ContactRobot(SimulatedRobot):
         self._write_state()
         self._see()
 
-    def advance(self, command: NDArray[np.float64] | None) -> None:
+    def advance(self, command: Array | None) -> None:
         """Hold a command (joints) for one period, like `SimulatedRobot`."""
         holds = command is None
         if command is not None:
@@ -134,12 +134,12 @@ class ContactRobot(SimulatedRobot):
                 'or castors further away from the axle (castor_distance)'
             )
 
-    def _rates(self) -> NDArray[np.float64]:
+    def _rates(self) -> Array:
         """Return the joint velocities of the mechanism; those of a base are in its frame."""
-        rates: NDArray[np.float64] = self._data.qvel[self._parts.rates]
+        rates: Array = self._data.qvel[self._parts.rates]
         return np.concatenate([self._base_rates(), rates]) if self._parts.forces else rates
 
-    def _base_rates(self) -> NDArray[np.float64]:
+    def _base_rates(self) -> Array:
         """Return the base velocity: forwards and sideways in m/s, rotation in rad/s."""
         data = self._data
         mujoco.mju_quat2Mat(self._turned, data.qpos[3:7])
@@ -149,7 +149,7 @@ class ContactRobot(SimulatedRobot):
         turn = self._turned[6:] @ data.qvel[3:6]
         return np.array([x_rate * c + y_rate * s, y_rate * c - x_rate * s, turn])
 
-    def _push_base(self, disturbance: NDArray[np.float64]) -> None:
+    def _push_base(self, disturbance: Array) -> None:
         """Apply a force to the base: forwards and sideways in N, torque in N·m."""
         c, s = math.cos(self._yaw), math.sin(self._yaw)
         x, y, turn = disturbance[:3]
@@ -200,7 +200,7 @@ class ContactRobot(SimulatedRobot):
         data.qvel[parts.mimic_rates] = parts.multipliers * velocity[first:][parts.sources]
         data.time = 0.0
 
-    def _place(self, x: float, y: float, angles: NDArray[np.float64]) -> None:
+    def _place(self, x: float, y: float, angles: Array) -> None:
         """Move the base to a place in m and the joints to angles, without a change of tilt."""
         data, parts = self._data, self._parts
         data.qpos[:2], data.qpos[parts.positions] = (x, y), angles
@@ -227,7 +227,7 @@ class ContactRobot(SimulatedRobot):
         return self._observe(*moved)
 
     @property
-    def contact(self) -> NDArray[np.float64]:
+    def contact(self) -> Array:
         """Return the signals of `CONTACT` for each wheel (4 * wheels)."""
         data, parts = self._data, self._parts
         base = self._base_rates()

@@ -10,8 +10,7 @@ from masmc_ros.jit.compiled import formula
 from masmc_ros.jit.lanes import lane_of
 from masmc_ros.jit.record import lane_count
 from masmc_ros.jit.tuples import elementwise
-from masmc_ros.numerics.bits import bits_of
-from masmc_ros.numerics.portable_math import padded, sines, write_sines
+from masmc_ros.numerics.portable_math import bits_of, padded, sines, write_sines
 import numpy as np
 
 

@@ -21,8 +21,8 @@ from masmc_ros.jit.compiled import formula, kernel
 from masmc_ros.jit.lanes import lane_of
 from masmc_ros.jit.tuples import unit
 from masmc_ros.jit.vectors import check_workspace, free, mark
-from masmc_ros.numerics.limits import clipped
 from masmc_ros.numerics.portable_math import exp
+from masmc_ros.numerics.scalars import clipped
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.formula_types import Lengths, MechanismInertia
 import numpy as np

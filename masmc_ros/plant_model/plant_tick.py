@@ -19,9 +19,7 @@ from masmc_ros.jit.record import lane_count
 from masmc_ros.jit.scratch import scratch
 from masmc_ros.jit.tuples import column, elementwise
 from masmc_ros.jit.vectors import free, mark
-from masmc_ros.numerics.limits import limited
-from masmc_ros.numerics.scalars import minus, plus, selected, zero
-from masmc_ros.plant_model.delays import receive
+from masmc_ros.numerics.scalars import limited, minus, plus, selected, zero
 from masmc_ros.plant_model.disturbance import (
     moment,
     push_by_waves,
@@ -31,12 +29,17 @@ from masmc_ros.plant_model.disturbance import (
     write_waves,
 )
 from masmc_ros.plant_model.drives import drive, lagging
-from masmc_ros.plant_model.elastic import rotor_rates, twist_joints, untwist_joints
-from masmc_ros.plant_model.joint_effects import has_losses, is_elastic
-from masmc_ros.plant_model.measurement import delay_measurement, measure, write_noise
+from masmc_ros.plant_model.joint_effects import (
+    has_losses,
+    is_elastic,
+    rotor_rates,
+    stuck,
+    twist_joints,
+    untwist_joints,
+)
+from masmc_ros.plant_model.measurement import delay_measurement, measure, receive, write_noise
 from masmc_ros.plant_model.motion import runge_kutta_stage
 from masmc_ros.plant_model.plant_fields import PlantMemory, PlantSettings, Signals
-from masmc_ros.plant_model.stiction import stuck
 from masmc_ros.robot import mechanism
 
 SETTINGS = (

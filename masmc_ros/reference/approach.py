@@ -22,7 +22,7 @@ from masmc_ros.jit.compiled import bound, formula, kernel
 from masmc_ros.jit.dispatch import by_tag, interface
 from masmc_ros.jit.lanes import lane_of
 from masmc_ros.jit.vectors import check_workspace
-from masmc_ros.numerics.limits import clipped
+from masmc_ros.numerics.scalars import clipped
 from masmc_ros.robot.approach_blend import decayed, returned, SHORTEST, task_state
 from masmc_ros.robot.declaration import formulas_of_tag
 from masmc_ros.robot.robot import Robot

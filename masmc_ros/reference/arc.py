@@ -13,8 +13,8 @@ from masmc_ros.errors import InputError
 from masmc_ros.jit.compiled import kernel
 from masmc_ros.numerics.portable_math import sin_cos
 from masmc_ros.params.declaration import Parameter, Values
+from masmc_ros.reference.minimum_jerk import duration_parameters, rest_to_rest
 from masmc_ros.reference.reference import Declared
-from masmc_ros.reference.rest_to_rest import duration_parameters, rest_to_rest
 from masmc_ros.robot.declaration import Mechanism
 import numpy as np
 

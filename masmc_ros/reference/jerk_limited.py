@@ -17,8 +17,7 @@ from types import ModuleType
 from typing import ClassVar
 
 from masmc_ros.aliases import Array
-from masmc_ros.errors import InputError
-from masmc_ros.optional import remedy
+from masmc_ros.errors import InputError, remedy
 from masmc_ros.params.declaration import Parameter, Values
 from masmc_ros.reference.minimum_jerk import sample_knots
 from masmc_ros.reference.reference import Declared

@@ -16,8 +16,7 @@ from typing import Protocol
 from masmc_ros.aliases import Array
 from masmc_ros.jit.compiled import kernel
 from masmc_ros.reference.approach import PEAK
-from masmc_ros.reference.joint_path import JointPath, JointState
-from masmc_ros.reference.joint_task import JointTask
+from masmc_ros.reference.joint_path import JointPath, JointState, JointTask
 from masmc_ros.reference.pose_path import TaskPath
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.robot.approach_blend import decayed, SHORTEST

@@ -19,8 +19,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from masmc_ros.aliases import Array
-from masmc_ros.errors import InputError, suggestion
-from masmc_ros.optional import remedy
+from masmc_ros.errors import InputError, remedy, suggestion
 from masmc_ros.params.declaration import Parameter, Values
 from masmc_ros.reference.following_base import KnotPath
 from masmc_ros.reference.minimum_jerk import sample_knots, smooth_knots

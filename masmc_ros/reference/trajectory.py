@@ -11,7 +11,7 @@ from functools import lru_cache
 import inspect
 from typing import cast, ClassVar
 
-from masmc_ros.aliases import Array
+from masmc_ros.aliases import Array, Integers
 from masmc_ros.errors import InputError
 from masmc_ros.jit.compiled import interpreted, kernel
 from masmc_ros.mistakes import MistakeError, reported
@@ -28,7 +28,6 @@ from masmc_ros.reference.waypoints import Waypoints
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.robot import Robot
 import numpy as np
-from numpy.typing import NDArray
 
 ENTRY_POINTS = 'masmc_ros.references'
 """Group of entry points of plug-in trajectory types."""
@@ -65,13 +64,13 @@ class LineSine:
         names = 'offset', 'slope', 'amplitude', 'frequency', 'phase'
         self._table = np.array([values[name] for name in names], dtype=np.float64)
 
-    def sample(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
+    def sample(self, times: Array) -> Array:
         """Return (n, 3 axes) samples at times (n) in s."""
         return _sample_line_sine(self._table, times)
 
 
 @kernel
-def _sample_line_sine(table: Array, times: Array) -> NDArray[np.float64]:
+def _sample_line_sine(table: Array, times: Array) -> Array:
     axes, count = table.shape[1], len(times)
     out = np.empty((count, 3 * axes))
     # An axis after the other, of times that a cache holds: a processor takes several at once.
@@ -200,7 +199,7 @@ class Trajectory:
             with interpreted():
                 self._at(self._times(np.arange(_TICKS_OF_DRY_RUN)))
 
-    def sample(self, first: int, count: int) -> NDArray[np.float64]:
+    def sample(self, first: int, count: int) -> Array:
         """
         Return (count, 3 axes) samples at ticks first, first + 1, ...
 
@@ -210,11 +209,11 @@ class Trajectory:
         self.check_reach(self._robot.geometry, first, samples)
         return samples
 
-    def unchecked(self, first: int, count: int) -> NDArray[np.float64]:
+    def unchecked(self, first: int, count: int) -> Array:
         """Return finite (count, 3 axes) samples at ticks first, ..., in reach or not."""
         return self.at_times(self._times(np.arange(first, first + count)))
 
-    def at_times(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
+    def at_times(self, times: Array) -> Array:
         """Return finite (n, 3 axes) samples at times (n) in s, in reach or not."""
         samples = self._at(times)
         if not np.isfinite(samples).all():
@@ -231,15 +230,15 @@ class Trajectory:
             bad, why = wrong
             raise InputError(f'trajectory: at t = {(first + bad) * self._period:g} s {why}')
 
-    def positions(self, ticks: NDArray[np.int64]) -> NDArray[np.float64]:
+    def positions(self, ticks: Integers) -> Array:
         """Return the desired n x axes entries, in m, at any n ticks, reachable or not."""
         return self._at(self._times(ticks))[:, :self._axes]
 
-    def _times(self, ticks: NDArray[np.int64]) -> NDArray[np.float64]:
+    def _times(self, ticks: Integers) -> Array:
         """Return the times (n) in s of ticks (n)."""
         return ticks.astype(np.float64) * self._period
 
-    def _at(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _at(self, times: Array) -> Array:
         """Return samples (n, 3 axes) at times (n) in s."""
         with self._reported():
             samples = np.asarray(self._reference.sample(times), dtype=np.float64)

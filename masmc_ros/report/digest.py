@@ -28,8 +28,8 @@ from masmc_ros.errors import UserError
 from masmc_ros.log.read.decode import Series
 from masmc_ros.log.read.reader import read_run, Run
 from masmc_ros.report.measure.adaptation import Adaptation, adaptation
+from masmc_ros.report.measure.findings import unread
 from masmc_ros.report.measure.metrics import Metrics, metrics
-from masmc_ros.report.measure.missing import unread
 from masmc_ros.report.measure.tracking import Compared, tracking
 from masmc_ros.report.page.packed_samples import ranges_per_line
 from masmc_ros.report.page.section import run_section, Section

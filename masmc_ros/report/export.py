@@ -13,15 +13,14 @@ from itertools import chain
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
-from masmc_ros.aliases import Array
+from masmc_ros.aliases import Array, Flags
 from masmc_ros.errors import InputError
+from masmc_ros.files import check_absent, check_folder, file_stem, make_folder, whole_file
+from masmc_ros.log.bag import check_apart
 from masmc_ros.log.read.decode import Series
 from masmc_ros.log.read.reader import Run
-from masmc_ros.log.recover.overlap import check_apart
 from masmc_ros.loop.signals import CONTACT, PUBLISHED
-from masmc_ros.output_files import check_absent, check_folder, file_stem, make_folder, whole_file
 import numpy as np
-from numpy.typing import NDArray
 
 
 class Column(NamedTuple):
@@ -56,7 +55,7 @@ class Table(NamedTuple):
 
     columns: tuple[Column, ...]
     values: Array
-    known: NDArray[np.bool_]
+    known: Flags
 
 
 def table_of(run: Run) -> Table:
@@ -132,7 +131,7 @@ def parts_of(run: Run) -> Iterator[Part]:
 
 def _rows(
     states: Array, numbers: Array | Series | None, width: int
-) -> tuple[Array, NDArray[np.bool_]]:
+) -> tuple[Array, Flags]:
     """Return numbers in the rows of the states (n, width), and the rows that have them."""
     if isinstance(numbers, np.ndarray):
         return numbers, ~np.isnan(numbers)

@@ -13,15 +13,15 @@ from pathlib import Path
 from typing import NamedTuple
 
 from masmc_ros.errors import InputError
+from masmc_ros.files import check_folder, make_folder, write_file
+from masmc_ros.log.bag import check_apart
 from masmc_ros.log.read.reader import Run
-from masmc_ros.log.recover.overlap import check_apart
-from masmc_ros.output_files import check_folder, make_folder, write_file
 from masmc_ros.report.digest import compared_runs, digests_of
 from masmc_ros.report.draw.figures import draw_figures
 from masmc_ros.report.draw.style import FORMATS
-from masmc_ros.report.measure.differences import run_names
 from masmc_ros.report.measure.labels import labels
 from masmc_ros.report.measure.metrics import Metrics
+from masmc_ros.report.measure.parameters import run_names
 from masmc_ros.report.measure.table import csv_table, markdown_table, text_table
 from masmc_ros.report.page.page import report_page
 import numpy as np

@@ -8,9 +8,9 @@ from __future__ import annotations
 import math
 from typing import Protocol
 
+from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError
 import numpy as np
-from numpy.typing import NDArray
 
 OLDEST_POSE_NS = 100_000_000
 """Largest age in ns of odometry that is extrapolated to a joint state."""
@@ -38,7 +38,6 @@ class Motion(Protocol):
 
     def motion(self, start_ns: int, end_ns: int) -> Pose | None:
         """Return the motion between two stamps in the frame at the first; None if unknown."""
-
 
 
 class BasePose:
@@ -69,7 +68,7 @@ class BasePose:
         self._correction: Pose | None = None
         self._moved_ns: int | None = None
 
-    def update(self, stamp_ns: int, pose: NDArray[np.float64], twist: NDArray[np.float64]) -> None:
+    def update(self, stamp_ns: int, pose: Array, twist: Array) -> None:
         """
         Store a pose (7: position in m, quaternion x, y, z, w) and a twist (6) in `base_link`.
 
@@ -93,7 +92,7 @@ class BasePose:
         self._pose = x, y, yaw
         self._twist = float(twist[0]), float(twist[1]), float(twist[5])
 
-    def correct(self, transform: NDArray[np.float64]) -> None:
+    def correct(self, transform: Array) -> None:
         """Store the transform (7) of the odometry's frame; raise InputError like `update`."""
         x, y, yaw = planar_pose(transform, 'tf')
         before = self._correction
@@ -104,7 +103,7 @@ class BasePose:
             self.has_jumped |= _is_apart(one, self._corrected(self._pose))
 
     def write(
-        self, stamp_ns: int, position: NDArray[np.float64], velocity: NDArray[np.float64]
+        self, stamp_ns: int, position: Array, velocity: Array
     ) -> None:
         """Write x, y, yaw and their rates in the world at a stamp into the first three."""
         x, y, yaw = self._corrected(self._extrapolated(stamp_ns))
@@ -116,7 +115,7 @@ class BasePose:
         velocity[2] = turn
 
     def write_motion(
-        self, stamp_ns: int, position: NDArray[np.float64], velocity: NDArray[np.float64]
+        self, stamp_ns: int, position: Array, velocity: Array
     ) -> None:
         """Write way and velocity of an omnidirectional base, in its own frame, after the pose."""
         time = max(0.0, (stamp_ns - (self._moved_ns or stamp_ns)) * 1e-9)
@@ -135,7 +134,7 @@ class BasePose:
         return pose if self._correction is None else _composed(self._correction, pose)
 
 
-def planar_pose(pose: NDArray[np.float64], topic: str) -> Pose:
+def planar_pose(pose: Array, topic: str) -> Pose:
     """Return x, y and yaw of a pose (7), without its small tilt; raise InputError otherwise."""
     if not np.isfinite(pose).all():
         raise InputError(f'{topic}: a number of the pose or of the twist is not finite')

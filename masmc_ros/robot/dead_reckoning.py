@@ -20,7 +20,6 @@ from masmc_ros.robot import mechanism
 from masmc_ros.robot.base_pose import OLDEST_POSE_NS, Pose
 from masmc_ros.robot.robot import Robot
 import numpy as np
-from numpy.typing import NDArray
 
 
 @kernel
@@ -86,7 +85,7 @@ class DeadReckoning:
         self._poses: list[Pose] = []
         self._angles = np.zeros(self._count)
 
-    def add(self, stamp_ns: int, position: NDArray[np.float64]) -> None:
+    def add(self, stamp_ns: int, position: Array) -> None:
         """Add the positions (positions) of a joint state."""
         angles = position[-self._count:]
         pose = np.zeros(3)

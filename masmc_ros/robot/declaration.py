@@ -536,3 +536,19 @@ def formulas_of_model(model: type) -> ModuleType | SimpleNamespace:
     return next(
         mechanism.formulas for mechanism in _KNOWN.values() if mechanism.formulas.MODEL is model
     )
+
+
+MOST_ESTIMATES = 12
+"""Largest number of estimates in one plot; of more, the masses are shown."""
+
+MASS = '_mass'
+"""End of the names of the masses of bodies."""
+
+
+def shown_parameters(theta: Sequence[Quantity]) -> list[int]:
+    """Return the indices of the parameters to plot: all, or the masses of many bodies."""
+    return [
+        i
+        for i, parameter in enumerate(theta)
+        if len(theta) <= MOST_ESTIMATES or parameter.name.endswith(MASS)
+    ]

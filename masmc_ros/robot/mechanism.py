@@ -21,8 +21,8 @@ points (`mechanisms.py`).
 A mechanism without redundancy and without speed limits needs neither `reference_damping` nor
 `reachable_surface` nor `compensated` nor `follow_drift`: their bodies here are the defaults.
 
-`square_task.py` has the formulas from `task_error` to `task_inertia` for a task of as many axes as
-joints, whose errors are differences of coordinates; a mechanism with one imports them.
+`shared_formulas.py` has the formulas from `task_error` to `task_inertia` for a task of as many
+axes as joints, whose errors are differences of coordinates; a mechanism with one imports them.
 
 In addition to the formulas the module has, in plain Python or as kernels over arrays:
 
@@ -59,15 +59,22 @@ and, if its axes are not x and y of the carrier:
                                       `before` has those at its start, or is None.
                                       `trail(path, start, least, most)` returns the places (n, 2)
                                       of a carrier that follows places (n, 2)
+
+*Drift* are accelerations in the null space of the task that the model does not explain. The
+disturbance estimate of a law is on the task axes. A robot with more velocities than axes is also
+accelerated in the null space of the task. Such a mechanism estimates these accelerations, and a_r
+compensates them (`follow_drift`, `compensated`). For any other mechanism the drift stays zero.
 """
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from masmc_ros.aliases import Axes, BasePose, Joints, Parameters, Positions
 from masmc_ros.jit.compiled import formula
 from masmc_ros.jit.dispatch import by_class, by_tag, interface
+from masmc_ros.jit.field import Field
 from masmc_ros.robot.declaration import formulas_of_model, formulas_of_tag
 from masmc_ros.robot.formula_types import (
     HasGeometry,
@@ -303,7 +310,7 @@ def theta_step(
     Return theta after one period of adaptation along a gradient, before leakage and projection.
 
     `settings` are those of the law, with Gamma as `gamma` and the mechanism's law parameters.
-    `gradient_step.py` has this formula and the next one for independent parameters.
+    `shared_formulas.py` has this formula and the next one for independent parameters.
     """
 
 
@@ -341,7 +348,7 @@ def joint_accelerations(
     """
     Return the joints' accelerations under torques.
 
-    `forward_dynamics.py` computes it with the formulas above.
+    `shared_formulas.py` computes it with the formulas above.
     """
 
 
@@ -378,3 +385,18 @@ def dead_reckoned(model: Lengths, pose: BasePose, turned: Joints) -> BasePose:
 @of_model
 def counts_turns(model: Lengths, resolution: Joints) -> bool:
     """Return True if the encoders for the base's pose have a finite resolution."""
+
+
+FIRST_DRIFT_GAIN = 0.5
+"""Gain of the first estimate; later gains decrease."""
+
+DRIFT_MEMORY = (
+    Field('drift', 'joints', 'Estimated drift, in the velocities of the mechanism', '1/s²'),
+    Field(
+        'drift_predicted', 'joints', 'sigma of the next tick without a change of the drift',
+        '1/s', initial=math.nan,
+    ),
+    Field('drift_limited', 'joints', 'Time since torques are at a limit, with its sign', 's'),
+    Field('drift_gain', description='Gain of the next estimate', initial=FIRST_DRIFT_GAIN),
+)  # fmt: skip
+"""Memory of every law."""

@@ -20,12 +20,10 @@ from masmc_ros.jit.vectors import check_workspace, free, mark
 from masmc_ros.params.declaration import Values
 from masmc_ros.robot import mechanism as formulas
 from masmc_ros.robot.declaration import Mechanism, ODOM_FRAME
-from masmc_ros.robot.joint_names import driven_joint_names
 from masmc_ros.robot.mechanism_dry_run import check
-from masmc_ros.robot.mechanisms import mechanism_from
+from masmc_ros.robot.mechanisms import driven_joint_names, mechanism_from
 from masmc_ros.robot.moments import second_moments
 import numpy as np
-from numpy.typing import NDArray
 
 _BODY = (
     Field('geometry', 'lengths', 'Lengths of the robot', 'm'),
@@ -49,7 +47,7 @@ class Robot:
     """Base inertial parameters in the mechanism's order."""
 
     @cached_property
-    def body(self) -> NDArray[np.void]:
+    def body(self) -> Records:
         """Return the record (1) with the mechanism and lengths for kernels."""
         record = new_record(_BODY, self.mechanism.sizes, 1, {'mechanism': self.mechanism.tag})
         fill(record, 'geometry', self.geometry)

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Visual shapes of a robot description, for displays.
+Visual shapes and mesh files of a robot description, for displays.
 
 A display must not fail because of a shape: a shape that cannot be read is skipped. The parser of
 `urdf.py`, which checks a description first, ignores shapes.
@@ -13,10 +13,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import suppress
 import math
+from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree as Xml
 
 from masmc_ros.aliases import Numbers
+from masmc_ros.errors import InputError
+from masmc_ros.robot.packages import resource_path
 from masmc_ros.robot.urdf import read_urdf
 
 _GREY = (0.6, 0.6, 0.6)
@@ -146,3 +149,24 @@ def _numbers(text: str) -> Numbers:
     if not all(map(math.isfinite, numbers)):
         raise ValueError(text)
     return numbers
+
+
+_SUFFIXES = {'.dae', '.glb', '.gltf', '.obj', '.ply', '.stl'}
+"""Suffixes of mesh files; a viewer gets no other files of this machine."""
+
+
+def mesh_files(description: str) -> dict[str, Path]:
+    """
+    Return the files of those meshes that are on this machine, by their names in a description.
+
+    Relative names are ignored, because a published description has no folder. Raises InputError
+    for an invalid description.
+    """
+    paths = {}
+    for link in read_urdf(description, 'the description').links.values():
+        for name in link.meshes:
+            with suppress(InputError):
+                path = resource_path(name)
+                if '://' in name and path.suffix.lower() in _SUFFIXES and path.is_file():
+                    paths[name] = path
+    return paths

@@ -15,11 +15,11 @@ from masmc_ros.log import recorder_parameters
 from masmc_ros.loop import controller_parameters, plant_parameters, trajectory_parameters
 from masmc_ros.loop.timing import PACING, TIMING
 from masmc_ros.params.declaration import MutableValues, Parameter
-from masmc_ros.params.values import FileValue
+from masmc_ros.params.yaml_nodes import FileValue
 from masmc_ros.reference import trajectory
 from masmc_ros.robot import mechanisms
 from masmc_ros.robot.declaration import Mechanism, URDF
-from masmc_ros.robot.joint_names import joint_names_parameter, PREFIX
+from masmc_ros.robot.mechanisms import joint_names_parameter, PREFIX
 
 
 def shared(mechanism: Mechanism = mechanisms.DEFAULT) -> tuple[Parameter, ...]:

@@ -31,8 +31,8 @@ from masmc_ros.params.file import (
     parse_value,
     parsed,
 )
-from masmc_ros.params.values import FileValue
-from masmc_ros.reference.sampled_trajectory import PATH_RECEIVED, SampledTrajectory
+from masmc_ros.params.yaml_nodes import FileValue
+from masmc_ros.reference.reference import PATH_RECEIVED, SampledTrajectory
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.robot.packages import resource_path

@@ -8,9 +8,8 @@ from __future__ import annotations
 from pathlib import Path
 import shlex
 
-from masmc_ros.campaign.axes import axis
 from masmc_ros.campaign.campaign import Campaign, campaign_of
-from masmc_ros.campaign.draws import draw
+from masmc_ros.campaign.variable import axis, draw
 from masmc_ros.cli.main import main
 from masmc_ros.jit.sized_records import TAG
 from masmc_ros.loop.batch_simulation import BatchRecords

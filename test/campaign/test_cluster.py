@@ -20,7 +20,7 @@ from helpers.campaigns import assert_equal, campaign_with, DRAWS, PAPER, SETTING
 import masmc_ros
 from masmc_ros.campaign.dataset import arrays, Dataset
 from masmc_ros.campaign.engine import carry_out
-from masmc_ros.campaign.part import rows
+from masmc_ros.campaign.runs import rows
 from masmc_ros.cli.main import main
 from masmc_ros.compare.law_comparison import comparison_of, compute
 from masmc_ros.errors import InputError

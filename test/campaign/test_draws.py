@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from hypothesis import given
 from hypothesis import strategies as st
-from masmc_ros.campaign.draws import Draw, draw, drawn_values, Uniform
+from masmc_ros.campaign.variable import Draw, draw, drawn_values, Uniform
 from masmc_ros.errors import InputError
 import numpy as np
 import pytest

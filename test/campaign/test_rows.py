@@ -17,13 +17,11 @@ import sys
 from helpers.campaigns import assert_equal, campaign_with, DRAWS, PAPER, SETTINGS
 from helpers.small_tree import hand_at_start, write_scenario
 import masmc_ros as masmc
-from masmc_ros.campaign.axes import axis
 from masmc_ros.campaign.campaign import Campaign, campaign_of
 from masmc_ros.campaign.dataset import arrays, Dataset
-from masmc_ros.campaign.draws import draw
 from masmc_ros.campaign.engine import carry_out
-from masmc_ros.campaign.part import evaluated, metric_columns, rows
-from masmc_ros.campaign.threads import computed
+from masmc_ros.campaign.runs import evaluated, metric_columns, rows, rows_in_threads
+from masmc_ros.campaign.variable import axis, draw
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
 from masmc_ros.loop.batch_simulation import BatchSimulation
@@ -95,7 +93,7 @@ def test_rows_are_equal_for_all_batches_and_threads() -> None:
         if size == 1:
             parts = parts[:5]
         for threads in (1, 3):
-            for part in computed(campaign, parts, threads):
+            for part in rows_in_threads(campaign, parts, threads):
                 first = int(part['run'][0])
                 expected = {name: values[first:first + len(part['run'])]
                             for name, values in whole.items()}  # fmt: skip
@@ -224,7 +222,7 @@ def test_lost_runs_have_time_of_divergence_and_no_metrics() -> None:
 
 def test_dataset_continues_with_missing_runs(tmp_path: Path) -> None:
     campaign = campaign_with(sobol=True)
-    for part in islice(computed(campaign, [(0, 10), (50, 7), (30, 5)], 1), 3):
+    for part in islice(rows_in_threads(campaign, [(0, 10), (50, 7), (30, 5)], 1), 3):
         Dataset(tmp_path, campaign).write(part)
     # The remains of a write that was killed.
     (tmp_path / 'part-0000000010-20.parquet.part').write_bytes(b'PAR1')

@@ -16,9 +16,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 import masmc_ros as masmc
 from masmc_ros.campaign.campaign import campaign_of
-from masmc_ros.campaign.part import rows
-from masmc_ros.campaign.tune import Candidate, pareto_front, searched, variables_of
-from masmc_ros.campaign.tuned_file import BaseFile
+from masmc_ros.campaign.runs import rows
+from masmc_ros.campaign.tune import BaseFile, Candidate, pareto_front, searched, variables_of
 from masmc_ros.cli.main import main
 from masmc_ros.params.text import yaml_text
 from masmc_ros.report.measure.metrics import metrics

@@ -13,9 +13,9 @@ import sys
 import time
 
 from helpers.child_environment import child_environment, domain, domain_variables
-from masmc_ros.cli import executables
+from masmc_ros.cli import main
 from masmc_ros.cli.commands.run import NODES
-from masmc_ros.cli.endings import Ended, ended_by_signals
+from masmc_ros.nodes.process.ending import Ended, ended_by_signals
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -56,7 +56,7 @@ def interrupted(command: list[str], library: str, number: signal.Signals) -> tup
     'command',
     [
         ['-m', 'masmc_ros.cli.main', 'run', 'controller'],
-        ['-c', 'import sys, masmc_ros.cli.executables as e; sys.exit(e.controller())'],
+        ['-c', 'import sys, masmc_ros.cli.main as e; sys.exit(e.controller())'],
     ],
     ids=['masmc run', 'ros2 run'],
 )
@@ -142,9 +142,9 @@ def test_colcon_script_in_bin_runs_masmc(tmp_path: Path) -> None:
 
 def test_colcon_executables_all_defined() -> None:
     setup = (ROOT / 'setup.py').read_text(encoding='utf-8')
-    assert "f'{node} = masmc_ros.cli.executables:{node}'" in setup
+    assert "f'{node} = masmc_ros.cli.main:{node}'" in setup
     assert "glob(f'{NAME}/nodes/*/node.py')" in setup
     folders = (ROOT / 'masmc_ros' / 'nodes').glob('*/node.py')
     assert sorted(path.parent.name for path in folders) == sorted(NODES)
     for node in NODES:
-        assert callable(getattr(executables, node))
+        assert callable(getattr(main, node))

@@ -16,9 +16,9 @@ from typing import Any
 
 from helpers.small_tree import hand_at_start, write_scenario
 from masmc_ros.cli.main import COMMANDS, main
-from masmc_ros.json_text import json_text
 from masmc_ros.law import registry
 from masmc_ros.report.measure.metrics import declared, Metrics, Reached
+from masmc_ros.result_text import json_text
 import numpy as np
 import pytest
 from test_bad_input import PAPER
@@ -156,7 +156,7 @@ def test_export_and_recover_json_documented_keys(output: Any, folder: Path) -> N
 def test_recover_json_describes_gaps(output: Any, folder: Path) -> None:
     from masmc_ros.cli.commands.recover import _row
     from masmc_ros.log.read.gaps import Gaps
-    from masmc_ros.log.recover.recover import Recovered
+    from masmc_ros.log.recover import Recovered
 
     recovered = Recovered(messages=3, start=0, end=10**9, dropped=5, damaged=((1, 2),))
     gaps = Gaps()

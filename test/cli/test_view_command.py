@@ -22,10 +22,9 @@ from urllib.parse import parse_qs, urlsplit
 from helpers.viewed_run import computed_run, ROOT
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from masmc_ros.cli.show import file_server
-from masmc_ros.cli.show.desktop import tunnel_hint
-from masmc_ros.cli.show.file_server import FileServer
-from masmc_ros.cli.show.served_meshes import described
+from masmc_ros.cli import file_server
+from masmc_ros.cli.file_server import FileServer, tunnel_hint
+from masmc_ros.cli.served_meshes import described
 from masmc_ros.errors import InputError
 from mcap.reader import make_reader
 import pytest

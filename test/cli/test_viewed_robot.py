@@ -13,19 +13,18 @@ from typing import Any
 from helpers.small_tree import parameters
 from masmc_ros.cli.commands.layout import layout_for, robot_in
 from masmc_ros.cli.commands.view import _served
+from masmc_ros.cli.file_server import FileServer
 from masmc_ros.cli.main import main
-from masmc_ros.cli.show.file_server import FileServer
 from masmc_ros.errors import InputError
 from masmc_ros.log.write.writer import LogWriter
-from masmc_ros.messages.definitions import definition
+from masmc_ros.messages.cdr_layout import definition
 from masmc_ros.messages.joint_state import JointStateCdr
+from masmc_ros.messages.message import string_message, text_of
 from masmc_ros.messages.parameter_record import ParameterRecord
-from masmc_ros.messages.std_msgs import string_message, text_of
 from masmc_ros.robot.declaration import Mechanism
-from masmc_ros.robot.joint_names import joint_names_of
-from masmc_ros.robot.mechanisms import DEFAULT, mechanism_from
-from masmc_ros.robot.meshes import mesh_files
+from masmc_ros.robot.mechanisms import DEFAULT, joint_names_of, mechanism_from
 from masmc_ros.robot.urdf import read_urdf
+from masmc_ros.robot.visuals import mesh_files
 from mcap.reader import make_reader
 from mcap.writer import Writer
 import pytest

@@ -14,11 +14,10 @@ from pathlib import Path
 from helpers.campaigns import assert_equal
 from masmc_ros.campaign.runs import NODES
 from masmc_ros.cli.main import main
-from masmc_ros.compare import hardware
+from masmc_ros.compare import trials
 from masmc_ros.compare import trials as trials_module
 from masmc_ros.compare.contenders import Contender, contenders, marked
-from masmc_ros.compare.law_comparison import Comparison, comparison_of, compute
-from masmc_ros.compare.ranking import ranking
+from masmc_ros.compare.law_comparison import Comparison, comparison_of, compute, ranking
 from masmc_ros.compare.tables import rows_of
 from masmc_ros.compare.trials import (
     AS_IS,
@@ -211,8 +210,8 @@ def test_trials_of_laws_vary_period_limits_and_observer() -> None:
 
 def test_hardware_conditions_of_version_are_fixed() -> None:
     """Results of a version are comparable: other conditions need another VERSION."""
-    digest = hashlib.sha256(repr(hardware.CONDITIONS).encode()).hexdigest()
-    assert (hardware.VERSION, digest[:16]) == (2, '18034e4e4a7b996c')
+    digest = hashlib.sha256(repr(trials.CONDITIONS).encode()).hexdigest()
+    assert (trials.BENCHMARK_VERSION, digest[:16]) == (2, '18034e4e4a7b996c')
 
 
 def test_hardware_trials_load_with_effects_that_differ() -> None:

@@ -10,9 +10,8 @@ from pathlib import Path
 
 from masmc_ros.aliases import Array
 from masmc_ros.cli.main import main
-from masmc_ros.compare.foreign import loaded
-from masmc_ros.compare.law_comparison import comparison_of
-from masmc_ros.compare.ranking import compared
+from masmc_ros.compare.contenders import loaded
+from masmc_ros.compare.law_comparison import compared, comparison_of
 from masmc_ros.errors import InputError
 from masmc_ros.law.plug_in import TickInput
 from masmc_ros.loop.simulation import Simulation

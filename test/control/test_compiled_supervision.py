@@ -8,13 +8,13 @@ from __future__ import annotations
 from typing import Any
 
 from helpers.core_loop import CoreLoop, node_values
-from masmc_ros.control.state_gate import SECOND_LOOK
+from masmc_ros.control.gates import SECOND_LOOK
 from masmc_ros.jit.compiled import interpreted
 from masmc_ros.jit.record import fill
 from masmc_ros.loop import supervision
 from masmc_ros.loop.closed_loop import control_tick, NOT_FINITE
 from masmc_ros.loop.controller import Controller
-from masmc_ros.messages.stamp_order import state_timeout
+from masmc_ros.messages.stamps import state_timeout
 import numpy as np
 import pytest
 

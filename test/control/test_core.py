@@ -29,7 +29,7 @@ from masmc_ros.control.actions import (
 )
 from masmc_ros.control.controller_core import ControllerCore
 from masmc_ros.control.layer_watch import LayerWatch
-from masmc_ros.control.lifecycle import FINALIZED, transitions_from, UNCONFIGURED
+from masmc_ros.control.supervisor import FINALIZED, transitions_from, UNCONFIGURED
 from masmc_ros.errors import InputError
 from masmc_ros.loop.closed_loop import NOT_FINITE
 from masmc_ros.loop.controller import Controller

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from masmc_ros.control.state_gate import StateSources
+from masmc_ros.control.gates import StateSources
 import numpy as np
 
 PERIOD = 0.01

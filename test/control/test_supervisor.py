@@ -8,7 +8,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 from masmc_ros.control.supervisor import Cause, Mode, Supervisor, would_follow
-from masmc_ros.messages.stamp_order import in_time, Order, StampOrder, state_timeout
+from masmc_ros.messages.stamps import in_time, Order, StampOrder, state_timeout
 import numpy as np
 import pytest
 

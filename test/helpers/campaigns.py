@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from masmc_ros.campaign.campaign import Campaign, campaign_of
-from masmc_ros.campaign.draws import draw
+from masmc_ros.campaign.variable import draw
 import numpy as np
 
 PAPER = str(Path(__file__).parents[2] / 'config' / 'paper.yaml')

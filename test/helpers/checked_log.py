@@ -12,7 +12,7 @@ from pathlib import Path
 from helpers.log_contents import LogContents, read_log
 from masmc_ros.messages.commands import ArmVelocityCdr, EffortCdr, LabelledCdr
 from masmc_ros.messages.joint_state import JointStateCdr
-from masmc_ros.messages.std_msgs import text_of
+from masmc_ros.messages.message import text_of
 from mcap.reader import make_reader
 import numpy as np
 from numpy.typing import NDArray

@@ -13,7 +13,7 @@ import random
 import sys
 from typing import Protocol, TypeVar
 
-from masmc_ros.cli.private_domain import locked_domain
+from masmc_ros.cli.node_processes import locked_domain
 
 _DOMAINS = range(20, 60)
 AnyStarted = TypeVar('AnyStarted', bound='Started')

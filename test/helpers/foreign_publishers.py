@@ -12,20 +12,21 @@ from typing import Any
 
 from masmc_ros.messages.commands import ArmVelocityCdr, EffortCdr
 from masmc_ros.messages.joint_state import JointStateCdr
-from masmc_ros.messages.names import (
+from masmc_ros.messages.message import string_message
+from masmc_ros.messages.reference_window import ReferenceWindow
+from masmc_ros.messages.telemetry import TelemetryCdr
+from masmc_ros.messages.topics import (
     ARM_VELOCITY_TOPIC,
     COMMAND_TOPIC,
     REFERENCE_TOPIC,
     STATE_TOPIC,
+    SYSTEM_TOPICS,
     TELEMETRY,
     telemetry_topic,
+    TOPICS,
 )
-from masmc_ros.messages.reference_window import ReferenceWindow
-from masmc_ros.messages.std_msgs import string_message
-from masmc_ros.messages.telemetry import TelemetryCdr
-from masmc_ros.messages.topics import SYSTEM_TOPICS, TOPICS
 from masmc_ros.messages.transforms import TransformsCdr
-from masmc_ros.nodes.middleware.messages import message_class
+from masmc_ros.nodes.middleware.ros_topics import message_class
 import numpy as np
 from rclpy.serialization import serialize_message
 

@@ -16,8 +16,8 @@ from helpers.processes import PAPER, Peer
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.transforms import TransformsCdr
-from masmc_ros.nodes.middleware.raw_types import raw_class
-from masmc_ros.robot.joint_names import joint_names
+from masmc_ros.nodes.middleware.ros_topics import raw_class
+from masmc_ros.robot.mechanisms import joint_names
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.scenario.scenario import load_scenario
 from nav_msgs.msg import Odometry

@@ -27,8 +27,8 @@ from helpers.processes import (
 )
 from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.joint_state import JointStateCdr
+from masmc_ros.messages.message import text_of
 from masmc_ros.messages.stamps import header_stamp
-from masmc_ros.messages.std_msgs import text_of
 import numpy as np
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String

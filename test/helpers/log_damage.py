@@ -9,7 +9,7 @@ from collections.abc import Callable
 from io import BytesIO
 import random
 
-from masmc_ros.log.mcap.codec import RECORD_HEAD, records
+from masmc_ros.log.codec import RECORD_HEAD, records
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.writer import Writer

@@ -6,21 +6,21 @@
 from pathlib import Path
 from typing import NamedTuple
 
-from masmc_ros.log.mcap.chunks import ChannelRows
-from masmc_ros.log.offered_qos import Qos
+from masmc_ros.log.bag import Qos
+from masmc_ros.log.codec import ChannelRows
 from masmc_ros.log.write.writer import LogWriter
 from masmc_ros.messages.cdr_layout import Messages
 from masmc_ros.messages.commands import EFFORT
 from masmc_ros.messages.joint_state import joint_state_layout
-from masmc_ros.messages.names import (
+from masmc_ros.messages.reference_window import ReferenceWindow
+from masmc_ros.messages.telemetry import telemetry_messages
+from masmc_ros.messages.topics import (
     COMMAND_TOPIC,
     REFERENCE_TOPIC,
     STATE_TOPIC,
     TELEMETRY,
     telemetry_topic,
 )
-from masmc_ros.messages.reference_window import ReferenceWindow
-from masmc_ros.messages.telemetry import telemetry_messages
 import numpy as np
 from numpy.typing import NDArray
 

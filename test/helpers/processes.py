@@ -25,7 +25,7 @@ from unittest.mock import patch
 from helpers.child_environment import child_environment, domain, domain_variables, ended
 from helpers.command_process import CommandProcess, PATIENCE
 from masmc_ros.messages.stamps import header_stamp
-from masmc_ros.nodes.middleware.transport import prepare_transport
+from masmc_ros.nodes.middleware.rcl_setup import prepare_transport
 from nav_msgs.msg import Odometry
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 import rclpy

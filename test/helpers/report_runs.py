@@ -12,7 +12,7 @@ from typing import Any
 from masmc_ros.log.read.decode import Series
 from masmc_ros.log.read.reader import Run
 from masmc_ros.messages.parameter_record import ParameterRecord
-from masmc_ros.robot.two_link.physical_parameters import ROBOT
+from masmc_ros.robot.two_link.paper_robot import ROBOT
 import numpy as np
 from numpy.typing import NDArray
 

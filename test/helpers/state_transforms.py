@@ -9,7 +9,7 @@ from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.transforms import TransformsCdr
 from masmc_ros.params.declaration import Values
-from masmc_ros.robot.joint_names import check_frame_prefix, joint_names
+from masmc_ros.robot.mechanisms import check_frame_prefix, joint_names
 from masmc_ros.robot.robot import robot_of
 
 

@@ -15,7 +15,7 @@ import sys
 
 from helpers.child_environment import child_environment, domain, domain_variables, ended
 from helpers.processes import PATIENCE
-from masmc_ros.nodes.middleware.transport import prepare_transport
+from masmc_ros.nodes.middleware.rcl_setup import prepare_transport
 import rclpy
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState

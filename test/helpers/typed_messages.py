@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from masmc_ros.nodes.middleware.messages import message_class
+from masmc_ros.nodes.middleware.ros_topics import message_class
 import yaml
 
 

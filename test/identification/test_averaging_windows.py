@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from masmc_ros.identification.averaging_windows import (
+from masmc_ros.identification.regressor import (
     average_of_held,
     sample_weights,
     weight,

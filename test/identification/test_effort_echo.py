@@ -8,8 +8,13 @@ from __future__ import annotations
 from pathlib import Path
 
 from masmc_ros.aliases import Array
-from masmc_ros.identification.effort_echo import EchoBuffer, fit_echo, wrong_latency
-from masmc_ros.identification.latency_fit import Estimate, LatencyFit
+from masmc_ros.identification.latency_fit import (
+    EchoBuffer,
+    Estimate,
+    fit_echo,
+    LatencyFit,
+    wrong_latency,
+)
 from masmc_ros.loop.simulated_robot import plant_of
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from masmc_ros.identification.excitation import exciting_series, limits_of, PERIOD, Series
-from masmc_ros.identification.nominal import nominal_of
+from masmc_ros.identification.parameter_file import nominal_of
 from masmc_ros.identification.regressor import instantaneous
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np

@@ -21,18 +21,23 @@ from masmc_ros.identification.consistent_parameters import (
     nearest_consistent,
     scaled,
 )
-from masmc_ros.identification.directions import base_parameters, unexcited
 from masmc_ros.identification.excitation import Series
 from masmc_ros.identification.identify import (
+    base_parameters,
     Identified,
     identify,
     measured,
     Nominal,
     relative_error,
+    unexcited,
 )
 from masmc_ros.identification.latency_fit import Estimate, LatencyFit
-from masmc_ros.identification.nominal import nominal_of, of_its_kind
-from masmc_ros.identification.parameter_file import unwritten_timing, write_identified
+from masmc_ros.identification.parameter_file import (
+    nominal_of,
+    of_its_kind,
+    unwritten_timing,
+    write_identified,
+)
 from masmc_ros.identification.payload import payload_of
 from masmc_ros.robot.mechanisms import DEFAULT as PLANAR
 from masmc_ros.robot.robot import Robot, robot_of

@@ -20,8 +20,8 @@ from masmc_ros.identification.live_payload import (
     PayloadEstimate,
     PayloadEstimator,
 )
-from masmc_ros.identification.load import Load
-from masmc_ros.identification.nominal import nominal_of
+from masmc_ros.identification.parameter_file import nominal_of
+from masmc_ros.identification.payload import Load
 from masmc_ros.identification.samples import Samples
 from masmc_ros.robot.mechanisms import DEFAULT as PLANAR
 from masmc_ros.robot.robot import Robot, robot_of

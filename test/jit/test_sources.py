@@ -94,7 +94,7 @@ EDITS = {
     'law/rasmc.py': {'rasmc'},
     'law/smc.py': {'smc', 'rasmc'},  # rasmc adds adaptation to its torque
     'law/reaching/implicit.py': {'smc', 'rasmc'},
-    'numerics/portable_random.py': {'pid', 'smc', 'rasmc', 'terminal'},
+    'numerics/portable_math.py': {'pid', 'smc', 'rasmc', 'terminal'},
     'robot/tree/articulated.py': set(),
     'reference/waypoints.py': set(),
     'params/declaration.py': set(),

@@ -21,7 +21,7 @@ from masmc_ros.law.parts.adaptation import (
     pulled_estimate,
 )
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.robot.gradient_step import gradient_step
+from masmc_ros.robot.shared_formulas import gradient_step
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest

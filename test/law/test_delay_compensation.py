@@ -12,13 +12,12 @@ from helpers.core_loop import node_values
 from helpers.robots import PROPERTY
 from hypothesis import given
 from hypothesis import strategies as st
-from masmc_ros.control.state_gate import outdated_latency, StateLateness
+from masmc_ros.control.gates import outdated_latency, StateLateness
 from masmc_ros.jit.compiled import kernel
 from masmc_ros.jit.lanes import lane_of
 from masmc_ros.law.parts.delay_compensation import horizon
 from masmc_ros.law.parts.delay_fields import MEMORY, SETTINGS
-from masmc_ros.law.parts.delay_gains import estimate_gain, observer_gains
-from masmc_ros.law.parts.delay_prediction import BANDWIDTH
+from masmc_ros.law.parts.delay_prediction import BANDWIDTH, estimate_gain, observer_gains
 from masmc_ros.law.parts.velocity_estimator import filter_bandwidth
 from masmc_ros.loop.closed_loop import limit_torque, predict_state, reduce_torque
 from masmc_ros.loop.controller import Controller

@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from masmc_ros.law.registry import SWITCHING
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.numerics.limits import limited
+from masmc_ros.numerics.scalars import limited
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest

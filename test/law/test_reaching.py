@@ -19,7 +19,7 @@ from masmc_ros.law.reaching.sigmoid import sigmoid
 from masmc_ros.law.reaching.sign import sign
 from masmc_ros.law.reaching.tanh import smooth
 from masmc_ros.law.registry import LAWS, REACHING, SWITCHING
-from masmc_ros.robot.gradient_step import gradient_step
+from masmc_ros.robot.shared_formulas import gradient_step
 import pytest
 
 SIGN, SATURATION, TANH, SIGMOID = 'sign', 'saturation', 'tanh', 'sigmoid'

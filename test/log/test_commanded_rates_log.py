@@ -12,17 +12,16 @@ from typing import Any
 from helpers.report_html import lines, Page
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
-from masmc_ros.log.offered_qos import Qos
+from masmc_ros.log.bag import Qos
 from masmc_ros.log.read.reader import read_run, Run
 from masmc_ros.log.write.writer import LogWriter
 from masmc_ros.messages.commands import ARM_VELOCITY, ArmVelocityCdr, LabelledCdr
 from masmc_ros.messages.joint_state import JointStateCdr
+from masmc_ros.messages.message import string_message
 from masmc_ros.messages.parameter_record import ParameterRecord
 from masmc_ros.messages.platform_messages import TwistCdr, TwistStampedCdr
-from masmc_ros.messages.std_msgs import string_message
 from masmc_ros.messages.topics import FLOAT_ARRAY, TWIST, TWIST_STAMPED
-from masmc_ros.robot.joint_names import joint_names_of
-from masmc_ros.robot.mechanisms import mechanism_from
+from masmc_ros.robot.mechanisms import joint_names_of, mechanism_from
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest

@@ -16,10 +16,10 @@ from helpers.checked_reader import read
 from helpers.log_damage import damaged
 import lz4.frame
 from masmc_ros.cli.main import main
-from masmc_ros.log.mcap import chunks, codec
-from masmc_ros.log.mcap.codec import decompressed, RECORD_HEAD
+from masmc_ros.log import codec
+from masmc_ros.log.codec import decompressed, RECORD_HEAD
 from masmc_ros.log.read.scan import scan
-from masmc_ros.log.recover.recover import recover
+from masmc_ros.log.recover import recover
 from mcap.reader import make_reader
 from mcap.records import Channel, Chunk, ChunkIndex, Message
 from mcap.stream_reader import breakup_chunk, StreamReader
@@ -327,6 +327,6 @@ def test_recover_large_sound_chunk_is_left_unchanged(
 def test_indexed_chunk_beyond_limit_is_uncompressed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(codec, 'LARGEST_CHUNK', 100)
     for size, compression in ((100, 'lz4'), (101, '')):
-        made = chunks.packed_chunk(bytes(size), {}, 'lz4')
+        made = codec.packed_chunk(bytes(size), {}, 'lz4')
         assert made.compression == compression
         assert decompressed(made) == bytes(size)

@@ -11,20 +11,19 @@ from typing import Any
 
 from helpers.logged_runs import ARRAY, numbers, part, STATE, write_numbers, write_run
 from masmc_ros.errors import InputError
-from masmc_ros.log.mcap.chunks import ChannelRows
+from masmc_ros.log.codec import ChannelRows
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.log.write.writer import LogWriter
 from masmc_ros.loop.signals import CONTACT, PUBLISHED
+from masmc_ros.messages.cdr_layout import definition
 from masmc_ros.messages.commands import EffortCdr
-from masmc_ros.messages.definitions import definition
 from masmc_ros.messages.joint_state import JointStateCdr
-from masmc_ros.messages.names import CONTACT_LABEL, JOINTS
+from masmc_ros.messages.message import string_message
 from masmc_ros.messages.parameter_record import ParameterRecord
 from masmc_ros.messages.platform_messages import OdometryCdr
 from masmc_ros.messages.reference_window import ReferenceWindow
-from masmc_ros.messages.std_msgs import string_message
 from masmc_ros.messages.telemetry import telemetry_messages
-from masmc_ros.messages.topics import ODOMETRY, STRING
+from masmc_ros.messages.topics import CONTACT_LABEL, JOINTS, ODOMETRY, STRING
 from masmc_ros.report.measure.metrics import metrics
 from mcap.writer import Writer
 import numpy as np

@@ -17,13 +17,18 @@ from hypothesis import given, HealthCheck, settings
 from hypothesis import strategies as st
 from masmc_ros import __version__
 from masmc_ros.errors import InputError
-from masmc_ros.log.mcap.chunks import arrived_records, ChannelRows, COMPRESSIONS, packed_chunk
-from masmc_ros.log.mcap.record_stream import RecordStream
-from masmc_ros.log.offered_qos import Qos
+from masmc_ros.log.bag import Qos
+from masmc_ros.log.codec import (
+    arrived_records,
+    ChannelRows,
+    COMPRESSIONS,
+    packed_chunk,
+    RecordStream,
+)
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.log.write.writer import CHUNK_SIZE, LogWriter
-from masmc_ros.messages.definitions import definition
-from masmc_ros.messages.names import JOINTS
+from masmc_ros.messages.cdr_layout import definition
+from masmc_ros.messages.topics import JOINTS
 from mcap.exceptions import EndOfFile
 from mcap.reader import make_reader
 from mcap.records import Chunk, ChunkIndex, MessageIndex

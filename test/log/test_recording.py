@@ -14,16 +14,15 @@ import textwrap
 import time
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.bag import part_names
-from masmc_ros.log.offered_qos import Qos
+from masmc_ros.log.bag import part_names, Qos
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.log.read.scan import scan
-from masmc_ros.log.recover.recover import recover
+from masmc_ros.log.recover import recover
 from masmc_ros.log.write.recording import LOST, Options, Recording
 from masmc_ros.log.write.writer import LogWriter
 from masmc_ros.messages.joint_state import JointStateCdr
+from masmc_ros.messages.message import string_message
 from masmc_ros.messages.parameter_record import ParameterRecord
-from masmc_ros.messages.std_msgs import string_message
 from mcap.reader import make_reader
 import pytest
 from rosbags.highlevel import AnyReader
@@ -235,7 +234,7 @@ def test_recording_invalid_path_raises(tmp_path: Path) -> None:
 FULL = """
     import json, os, random, resource, signal, sys, time
     from pathlib import Path
-    from masmc_ros.log.offered_qos import Qos
+    from masmc_ros.log.bag import Qos
     from masmc_ros.log.write.recording import Options, Recording
 
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)

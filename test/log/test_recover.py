@@ -18,11 +18,10 @@ from helpers.checked_reader import Messages, read
 from helpers.logged_runs import ARRAY, numbers, STATE, write_run
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
-from masmc_ros.log.mcap.chunks import ChannelRows, COMPRESSIONS
-from masmc_ros.log.mcap.codec import RECORD_HEAD
-from masmc_ros.log.offered_qos import Qos
+from masmc_ros.log.bag import Qos
+from masmc_ros.log.codec import ChannelRows, COMPRESSIONS, RECORD_HEAD
 from masmc_ros.log.read.reader import read_run
-from masmc_ros.log.recover.recover import is_complete, recover, recover_all
+from masmc_ros.log.recover import is_complete, recover, recover_all
 from masmc_ros.log.write.writer import LogWriter
 from masmc_ros.messages.commands import EFFORT
 from mcap.reader import make_reader

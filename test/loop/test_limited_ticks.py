@@ -10,7 +10,7 @@ from typing import Any
 from helpers.processes import PAPER
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulated_robot import SimulatedRobot
-from masmc_ros.messages.names import DRIVEN_JOINTS
+from masmc_ros.messages.topics import DRIVEN_JOINTS
 from masmc_ros.nodes.controller.health import Saturation
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.robot.robot import robot_of

@@ -15,7 +15,7 @@ from helpers.log_contents import read_log
 from helpers.small_tree import START, URDF
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.messages.names import ACTUAL_PATH_TOPIC, DESIRED_PATH_TOPIC
+from masmc_ros.messages.topics import ACTUAL_PATH_TOPIC, DESIRED_PATH_TOPIC
 from masmc_ros.robot.robot import robot_description
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from masmc_ros.messages.cdr_layout import Layout
 from masmc_ros.messages.commands import ARM_VELOCITY, ArmVelocityCdr, EFFORT, EffortCdr
 from masmc_ros.messages.joint_state import joint_state_layout, JointStateCdr
-from masmc_ros.messages.names import DRIVEN_JOINTS, JOINTS, TELEMETRY
+from masmc_ros.messages.message import multi_array_layout
 from masmc_ros.messages.platform_messages import (
     odometry_layout,
     OdometryCdr,
@@ -25,8 +25,8 @@ from masmc_ros.messages.platform_messages import (
     TwistStampedCdr,
 )
 from masmc_ros.messages.reference_window import reference_layout, ReferenceWindow
-from masmc_ros.messages.std_msgs import multi_array_layout
 from masmc_ros.messages.telemetry import telemetry_layout, TelemetryCdr
+from masmc_ros.messages.topics import DRIVEN_JOINTS, JOINTS, TELEMETRY
 from nav_msgs.msg import Odometry
 import numpy as np
 import pytest

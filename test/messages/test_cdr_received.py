@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from masmc_ros.errors import InputError
 from masmc_ros.messages.commands import ARM_VELOCITY, ArmVelocityCdr, EFFORT, EffortCdr
 from masmc_ros.messages.joint_state import joint_state_layout, JointStateCdr
-from masmc_ros.messages.names import JOINTS
 from masmc_ros.messages.platform_messages import twist_stamped_layout, TwistStampedCdr
 from masmc_ros.messages.reference_window import reference_layout, ReferenceWindow
 from masmc_ros.messages.telemetry import telemetry_layout, TelemetryCdr
+from masmc_ros.messages.topics import JOINTS
 import numpy as np
 import pytest
 

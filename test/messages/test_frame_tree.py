@@ -8,8 +8,7 @@ from __future__ import annotations
 from helpers.robots import Array, PROPERTY
 from hypothesis import given
 from hypothesis import strategies as st
-from masmc_ros.messages.frame_tree import FrameTree, moved
-from masmc_ros.messages.transforms import TransformsCdr
+from masmc_ros.messages.transforms import FrameTree, moved, TransformsCdr
 import numpy as np
 import pytest
 

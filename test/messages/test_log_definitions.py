@@ -8,7 +8,7 @@ import json
 from time import monotonic
 
 from masmc_ros.errors import InputError
-from masmc_ros.messages.definitions import definition, definition_of_jazzy, KEPT
+from masmc_ros.messages.cdr_layout import definition, definition_of_jazzy, KEPT
 from masmc_ros.messages.path import POSE_STAMPED
 from masmc_ros.messages.topics import SYSTEM_TOPICS, TOPICS, TWIST_STAMPED
 import pytest

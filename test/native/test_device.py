@@ -23,9 +23,9 @@ from helpers.small_tree import hand_at_start, write_scenario
 from masmc_ros.api.learning import MobileManipulators
 from masmc_ros.campaign.campaign import campaign_of
 from masmc_ros.campaign.dataset import arrays, Dataset
-from masmc_ros.campaign.draws import draw
 from masmc_ros.campaign.engine import carry_out
-from masmc_ros.campaign.part import evaluated, rows, StoppedError
+from masmc_ros.campaign.runs import evaluated, rows, StoppedError
+from masmc_ros.campaign.variable import draw
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
 from masmc_ros.loop.driven_robots import DrivenRobots

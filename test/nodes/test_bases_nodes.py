@@ -17,7 +17,7 @@ from helpers.wheeled_tree import MECANUM_ANGLES, parameter_file, SKID, WEAK, WHE
 from masmc_ros.loop.controller import Controller
 from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.nodes.controller.output import TorqueOutput
-from masmc_ros.robot.joint_names import driven_joint_names
+from masmc_ros.robot.mechanisms import driven_joint_names
 from masmc_ros.robot.robot import robot_of
 import numpy as np
 import pytest

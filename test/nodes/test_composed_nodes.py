@@ -13,7 +13,7 @@ from helpers.log_contents import read_log
 from helpers.processes import PAPER, peer, processes, ros_arguments
 from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.stamps import header_stamp
-from masmc_ros.nodes.middleware.qos import DEEP
+from masmc_ros.nodes.middleware.ros_topics import DEEP
 import pytest
 from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node

@@ -14,9 +14,9 @@ from helpers.processes import Peer, peer, processes
 from masmc_ros.messages.transforms import TransformsCdr
 from masmc_ros.nodes.controller import inputs
 from masmc_ros.nodes.controller.inputs import StateInput
-from masmc_ros.nodes.middleware.raw_types import raw_class
-from masmc_ros.nodes.process.diagnostics import RejectedMessages
-from masmc_ros.robot.joint_names import driven_joint_names
+from masmc_ros.nodes.middleware.ros_topics import raw_class
+from masmc_ros.nodes.process.base import RejectedMessages
+from masmc_ros.robot.mechanisms import driven_joint_names
 from masmc_ros.robot.robot import robot_of
 from nav_msgs.msg import Odometry
 import numpy as np

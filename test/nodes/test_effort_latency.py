@@ -10,7 +10,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from helpers.processes import PAPER, peer, processes, ros_arguments
-from masmc_ros.nodes.process.diagnostics import WARN
+from masmc_ros.nodes.process.base import WARN
 import pytest
 
 KEY = 'latency by effort (ms)'

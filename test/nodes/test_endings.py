@@ -174,12 +174,12 @@ def test_composed_loop_diverges_exits_with_one_line(tmp_path: Path) -> None:
 
 BLOCKED = """
 import ctypes
-from masmc_ros.nodes.process import exit_timer
-exit_timer._PATIENCE = 0.2
-with exit_timer.bounded_ending(9):
+from masmc_ros.nodes.process import runtime
+runtime._PATIENCE = 0.2
+with runtime.bounded_ending(9):
     pass
 print('complete')
-with exit_timer.bounded_ending({status}):
+with runtime.bounded_ending({status}):
     ctypes.{library}(None).sleep(600)
 """
 

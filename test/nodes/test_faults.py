@@ -18,9 +18,9 @@ from helpers.live_run import live_run, LiveRun
 from helpers.processes import NODES
 from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.joint_state import JointStateCdr
-from masmc_ros.messages.names import JOINTS
 from masmc_ros.messages.platform_messages import OdometryCdr
 from masmc_ros.messages.reference_window import ReferenceWindow
+from masmc_ros.messages.topics import JOINTS
 from nav_msgs.msg import Odometry
 import numpy as np
 import pytest

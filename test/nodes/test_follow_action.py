@@ -28,7 +28,7 @@ from masmc_ros.nodes.trajectory.follow_action import (
 from masmc_ros.nodes.trajectory.path_messages import PathMessages, PathRequest
 from masmc_ros.nodes.trajectory.received_paths import ReceivedPaths
 from masmc_ros.reference.trajectory import Trajectory
-from masmc_ros.robot.joint_names import joint_names
+from masmc_ros.robot.mechanisms import joint_names
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np

@@ -22,7 +22,7 @@ from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.robot.dead_reckoning import DeadReckoning
-from masmc_ros.robot.joint_names import driven_joint_names
+from masmc_ros.robot.mechanisms import driven_joint_names
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np

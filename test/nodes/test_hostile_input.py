@@ -15,7 +15,7 @@ from benchmarks.hostile_client import HostileClient
 from builtin_interfaces.msg import Time
 from helpers.processes import BOUNDED, PATIENCE, Peer, peer, processes, ros_arguments
 from masmc_ros.messages.parameter_record import ParameterRecord
-from masmc_ros.nodes.middleware.past import _DuplicateFilter
+from masmc_ros.nodes.middleware.ros_topics import _DuplicateFilter
 from masmc_ros.nodes.recorder.output import Attachments
 import pytest
 from rcl_interfaces.msg import Parameter, ParameterValue

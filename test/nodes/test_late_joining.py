@@ -22,11 +22,10 @@ from helpers.processes import (
     processes,
     ros_arguments,
 )
-from masmc_ros.messages.names import JOINTS, TELEMETRY, telemetry_topic
+from masmc_ros.messages.message import text_of
 from masmc_ros.messages.stamps import header_stamp
-from masmc_ros.messages.std_msgs import text_of
-from masmc_ros.nodes.middleware.latched import Latched
-from masmc_ros.nodes.middleware.qos import publisher_qos
+from masmc_ros.messages.topics import JOINTS, TELEMETRY, telemetry_topic
+from masmc_ros.nodes.middleware.ros_topics import Latched, publisher_qos
 from nav_msgs.msg import Path as PathMessage
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock

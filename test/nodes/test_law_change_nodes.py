@@ -29,9 +29,9 @@ from masmc_ros.cli.main import main
 from masmc_ros.errors import UserError
 from masmc_ros.jit.compiled import code_directory
 from masmc_ros.law.registry import LAWS
+from masmc_ros.messages.message import text_of
 from masmc_ros.messages.parameter_record import ParameterRecord, read_record
 from masmc_ros.messages.stamps import header_stamp
-from masmc_ros.messages.std_msgs import text_of
 from masmc_ros.scenario.scenario import load_scenario
 import pytest
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically

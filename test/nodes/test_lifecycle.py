@@ -19,7 +19,7 @@ from lifecycle_msgs.srv import (
     GetAvailableTransitions,
     GetState,
 )
-from masmc_ros.control.lifecycle import STATES, TRANSITIONS
+from masmc_ros.control.supervisor import STATES, TRANSITIONS
 import numpy as np
 import pytest
 from std_srvs.srv import SetBool

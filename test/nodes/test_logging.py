@@ -11,7 +11,7 @@ import sys
 _PROGRAM = """
 import sys
 import masmc_ros.nodes.controller.node
-from masmc_ros.nodes.middleware.logging import prepare_logging
+from masmc_ros.nodes.middleware.rcl_setup import prepare_logging
 from rclpy.logging import get_logger
 
 if sys.argv[1] == 'prepared':

@@ -14,8 +14,8 @@ from helpers.processes import NodeProcess, PAPER, Peer, peer, processes, ros_arg
 from masmc_ros.loop.controller import Controller
 from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.joint_state import JointStateCdr
-from masmc_ros.messages.names import JOINTS
 from masmc_ros.messages.reference_window import ReferenceWindow
+from masmc_ros.messages.topics import JOINTS
 from masmc_ros.numerics.hermite import quintic
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.scenario.scenario import load_scenario

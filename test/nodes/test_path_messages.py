@@ -22,13 +22,13 @@ from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.platform_messages import OdometryCdr
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.messages.transforms import TransformsCdr
-from masmc_ros.nodes.middleware.raw_types import raw_class
+from masmc_ros.nodes.middleware.ros_topics import raw_class
 from masmc_ros.nodes.trajectory.path_messages import PathMessages, PathRequest
 from masmc_ros.nodes.trajectory.received_paths import ReceivedPaths
 from masmc_ros.reference.joint_path import JointPoints
 from masmc_ros.reference.pose_path import PosePoints
 from masmc_ros.reference.trajectory import Trajectory
-from masmc_ros.robot.joint_names import joint_names
+from masmc_ros.robot.mechanisms import joint_names
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.scenario.scenario import load_scenario
 from nav_msgs.msg import Odometry

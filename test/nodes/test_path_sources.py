@@ -15,9 +15,8 @@ from masmc_ros.aliases import Numbers
 from masmc_ros.loop.scenario import Scenario
 from masmc_ros.nodes.trajectory.path_messages import PathRequest
 from masmc_ros.reference.joint_path import JointPoints
-from masmc_ros.reference.pose_path import PosePoints
+from masmc_ros.reference.pose_path import PosePoints, TwistPoints
 from masmc_ros.reference.trajectory import Trajectory
-from masmc_ros.reference.twist_path import TwistPoints
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np

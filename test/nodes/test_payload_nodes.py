@@ -12,7 +12,7 @@ from helpers.core_loop import CoreLoop, node_values
 from helpers.processes import PAPER, processes, ros_arguments
 from masmc_ros.cli.main import main
 from masmc_ros.identification.live_payload import BlockBuffer, PayloadEstimator
-from masmc_ros.identification.nominal import nominal_of_run
+from masmc_ros.identification.parameter_file import nominal_of_run
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.nodes.controller.live_identification import Background, PayloadOutput
 from mcap.reader import make_reader

@@ -12,8 +12,8 @@ import time
 from diagnostic_msgs.msg import DiagnosticArray
 from helpers.processes import peer, processes, ros_arguments
 from masmc_ros.nodes.plant.health import PlantHealth
-from masmc_ros.nodes.process.diagnostics import Health, OK, RejectedMessages, WARN
-from masmc_ros.plant.lateness import Lateness, TOLERATED_SHARE
+from masmc_ros.nodes.process.base import Health, OK, RejectedMessages, WARN
+from masmc_ros.plant.plant_core import Lateness, TOLERATED_SHARE
 import pytest
 
 SHARE = 'late ticks in the last second (%)'

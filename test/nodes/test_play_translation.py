@@ -12,23 +12,21 @@ import socket
 
 from helpers.viewed_run import computed_run
 from masmc_ros.errors import InputError
+from masmc_ros.files import scenario_file
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.nodes.play.controls import Controls
-from masmc_ros.nodes.play.described import shown_robot
-from masmc_ros.nodes.play.page import Page
-from masmc_ros.nodes.play.plots import Plots
+from masmc_ros.nodes.play.page import is_local, Page, PlayServer
+from masmc_ros.nodes.play.plots import Plots, shown_robot
 from masmc_ros.nodes.play.replay import Replay
 from masmc_ros.nodes.play.run_report import write_report_so_far
 from masmc_ros.nodes.play.samples import SampleWindow, TimeSpeed, WINDOW
 from masmc_ros.nodes.play.scene import RobotScene
-from masmc_ros.nodes.play.server import is_local, PlayServer
-from masmc_ros.params.sliders import gain_text, level_of, scaled, slider_range, SLIDERS
+from masmc_ros.params.presentation import gain_text, level_of, scaled, slider_range, SLIDERS
+from masmc_ros.robot.declaration import shown_parameters
 from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.robot.robot import robot_of
-from masmc_ros.robot.shown_parameters import shown_parameters
 from masmc_ros.scenario.node_parameters import declared
 from masmc_ros.scenario.scenario import load_scenario
-from masmc_ros.share import scenario_file
 import numpy as np
 import pytest
 import viser

@@ -12,7 +12,7 @@ from pathlib import Path
 import socket
 import stat
 
-from masmc_ros.cli.private_domain import locked_domain, private_domain
+from masmc_ros.cli.node_processes import locked_domain, private_domain
 from masmc_ros.errors import UserError
 from masmc_ros.user_folder import runtime_folder
 import pytest

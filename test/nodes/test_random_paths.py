@@ -17,9 +17,8 @@ from helpers.followed import Array, Followed
 from helpers.limited_arm import limited_arm
 from masmc_ros.nodes.trajectory.path_messages import PathRequest
 from masmc_ros.reference.joint_path import JointPoints
-from masmc_ros.reference.pose_path import PosePoints
+from masmc_ros.reference.pose_path import PosePoints, TwistPoints
 from masmc_ros.reference.trajectory import Trajectory
-from masmc_ros.reference.twist_path import TwistPoints
 import numpy as np
 from numpy.random import Generator
 import pytest

@@ -20,7 +20,7 @@ from masmc_ros.loop.controller_events import (
     DEACTIVATED,
     RELEASED,
 )
-from masmc_ros.messages.names import TELEMETRY, telemetry_topic
+from masmc_ros.messages.topics import TELEMETRY, telemetry_topic
 import pytest
 from std_srvs.srv import SetBool, Trigger
 

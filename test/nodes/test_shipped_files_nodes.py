@@ -10,9 +10,9 @@ from pathlib import Path
 
 from helpers.launch_file import launched
 from helpers.processes import peer, processes
+from masmc_ros.files import scenarios
 from masmc_ros.messages.parameter_record import read_record
 from masmc_ros.scenario.scenario import load_scenario
-from masmc_ros.share import scenarios
 import pytest
 from rclpy.node import Node
 from std_msgs.msg import String

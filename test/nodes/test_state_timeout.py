@@ -11,9 +11,9 @@ import time
 
 from diagnostic_msgs.msg import DiagnosticArray
 from helpers.processes import Peer, peer, processes, ros_arguments
+from masmc_ros.messages.message import text_of
 from masmc_ros.messages.parameter_record import ParameterRecord
 from masmc_ros.messages.stamps import header_stamp
-from masmc_ros.messages.std_msgs import text_of
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import SetBool

@@ -17,9 +17,9 @@ from helpers.processes import peer, processes, ros_arguments, shortened
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.loop.controller_events import ACTIVATED, ADAPTATION_RESET, DEACTIVATED, RESUMED
 from masmc_ros.messages.commands import EffortCdr
-from masmc_ros.messages.names import JOINTS
 from masmc_ros.messages.parameter_record import read_record
 from masmc_ros.messages.reference_window import ReferenceWindow
+from masmc_ros.messages.topics import JOINTS
 from masmc_ros.report.measure.metrics import metrics
 from masmc_ros.report.measure.table import cells
 from nav_msgs.msg import Odometry

@@ -11,17 +11,17 @@ import subprocess
 import sys
 
 from helpers.child_environment import child_environment, domain
-from masmc_ros.nodes.middleware import transport
+from masmc_ros.nodes.middleware import rcl_setup
 import pytest
 from rclpy.utilities import get_rmw_implementation_identifier
 
-PROFILES = Path(transport.__file__).with_name('fast_dds')
+PROFILES = Path(rcl_setup.__file__).with_name('fast_dds')
 RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 VARIABLES = ('FASTDDS_BUILTIN_TRANSPORTS', 'FASTRTPS_DEFAULT_PROFILES_FILE', RANGE)
 
 PREPARE = f"""
 import os
-from masmc_ros.nodes.middleware.transport import prepare_transport
+from masmc_ros.nodes.middleware.rcl_setup import prepare_transport
 prepare_transport()
 print(*(os.environ.get(name, '-') for name in {VARIABLES}), sep='|')
 """

@@ -26,10 +26,9 @@ from helpers.pages import all_commands, blocks, page_name, PAGES, ROOT
 from helpers.typed_messages import typed_message
 from masmc_ros.cli.commands.run import NODES
 from masmc_ros.cli.main import parser_for
-from masmc_ros.control.lifecycle import TRANSITIONS
+from masmc_ros.control.supervisor import TRANSITIONS
 from masmc_ros.errors import InputError
-from masmc_ros.messages.names import JOINTS
-from masmc_ros.messages.topics import TOPICS
+from masmc_ros.messages.topics import JOINTS, TOPICS
 from masmc_ros.nodes.trajectory.follow_action import ACTION
 from masmc_ros.nodes.trajectory.path_messages import PathMessages
 from masmc_ros.robot.mechanisms import DEFAULT, mechanism_from

@@ -108,7 +108,7 @@ def test_new_signal_in_report(folder: Path) -> None:
 
 def test_new_signal_in_published_topics(folder: Path) -> None:
     script = (
-        'from masmc_ros.messages.names import TELEMETRY\n'
+        'from masmc_ros.messages.topics import TELEMETRY\n'
         'from masmc_ros.messages.topics import TOPICS\n'
         'content = {topic.name: topic.content for topic in TOPICS}\n'
         'print(TELEMETRY["cut_torque"], content["controller/cut_torque"])'

@@ -15,8 +15,8 @@ import sys
 from xml.etree import ElementTree
 
 from helpers.child_environment import child_environment
+from masmc_ros.errors import PACKAGES
 from masmc_ros.jit.supported_numba import FIRST_UNSUPPORTED, OLDEST
-from masmc_ros.optional import PACKAGES
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]

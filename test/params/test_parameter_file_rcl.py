@@ -19,7 +19,7 @@ from masmc_ros.errors import InputError
 from masmc_ros.params import blocks
 from masmc_ros.params.blocks import Block
 from masmc_ros.params.file import ParameterFile, parse_value, read
-from masmc_ros.params.values import FileValue
+from masmc_ros.params.yaml_nodes import FileValue
 import pytest
 import rclpy
 from rclpy.context import Context

@@ -8,8 +8,8 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 from masmc_ros.params.declaration import Parameter
-from masmc_ros.params.documentation import markdown_table
 from masmc_ros.params.file import parse_value
+from masmc_ros.params.presentation import markdown_table
 from masmc_ros.params.text import yaml_text
 import pytest
 

@@ -11,8 +11,8 @@ import signal
 from helpers.command_process import SERVED
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
+from masmc_ros.files import scenario_file, scenarios
 from masmc_ros.scenario.scenario import load_scenario
-from masmc_ros.share import scenario_file, scenarios
 import pytest
 
 SHARED = """

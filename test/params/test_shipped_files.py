@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from masmc_ros.files import scenarios
 from masmc_ros.params.file import read
 from masmc_ros.scenario.node_parameters import NODES
-from masmc_ros.share import scenarios
 import pytest
 
 FILES = sorted(scenarios().values())

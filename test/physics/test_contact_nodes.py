@@ -16,8 +16,8 @@ from helpers.log_contents import read_log
 from helpers.processes import NODES, PAPER, processes, ros_arguments
 from masmc_ros.cli.main import main
 from masmc_ros.nodes.plant.health import PlantHealth
-from masmc_ros.nodes.process.diagnostics import OK, RejectedMessages, WARN
-from masmc_ros.plant.lateness import Lateness
+from masmc_ros.nodes.process.base import OK, RejectedMessages, WARN
+from masmc_ros.plant.plant_core import Lateness
 import mujoco  # noqa: F401 (without it there is nothing to test)
 
 SHARED = {'duration': '1.0', 'robot.wheel_spin_inertia': '0.01'}

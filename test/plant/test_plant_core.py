@@ -16,11 +16,12 @@ from masmc_ros.loop.plant_parameters import MAX_REAL_TIME_FACTOR
 from masmc_ros.loop.simulated_robot import plant_of
 from masmc_ros.loop.timing import LATE_TICKS, Timing
 from masmc_ros.params.declaration import check_all
-from masmc_ros.plant.latest_command import CommandPart, Commands
 from masmc_ros.plant.lockstep import LockStep, PacedLockStep
 from masmc_ros.plant.plant_core import (
     Actions,
     AwaitCommand,
+    CommandPart,
+    Commands,
     Done,
     NOTHING,
     PlantCore,

@@ -20,9 +20,8 @@ from masmc_ros.loop.simulated_robot import plant_of
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.tick_block import Change
 from masmc_ros.loop.timing import Timing
-from masmc_ros.plant.latest_command import CommandPart, Commands
 from masmc_ros.plant.lockstep import LockStep
-from masmc_ros.plant.plant_core import EndPush, Publish
+from masmc_ros.plant.plant_core import CommandPart, Commands, EndPush, Publish
 from masmc_ros.report.measure.adaptation import adaptation
 from masmc_ros.scenario.scenario import logged_scenario
 import numpy as np

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.tick_block import TickBlock
-from masmc_ros.numerics.portable_random import gaussian, philox
+from masmc_ros.numerics.portable_math import gaussian, philox
 from masmc_ros.plant_model.measurement import quantised
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np

@@ -21,7 +21,7 @@ from masmc_ros.loop.driven_robots import DrivenRobots
 from masmc_ros.loop.signals import OF_PLANT
 from masmc_ros.loop.simulated_robot import plant_of, SimulatedRobot
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.plant_model.delays import is_lost, newest, OF_COMMAND, OF_MEASUREMENT
+from masmc_ros.plant_model.measurement import is_lost, newest, OF_COMMAND, OF_MEASUREMENT
 from masmc_ros.robot.mechanisms import mechanism_from
 from masmc_ros.scenario.node_parameters import declared
 from masmc_ros.scenario.scenario import load_scenario

@@ -10,7 +10,7 @@ import math
 from helpers.robots import between, PROPERTY
 from hypothesis import given
 from hypothesis import strategies as st
-from masmc_ros.plant_model.stiction import bristle_gains, stuck
+from masmc_ros.plant_model.joint_effects import bristle_gains, stuck
 import pytest
 
 LEVELS = between(0.01, 20.0)

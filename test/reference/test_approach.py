@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.reference.approach import Approach, SHORTEST
 from masmc_ros.robot.base_pose import BasePose
-from masmc_ros.robot.two_link.platform_motion import base_motion as platform_motion
+from masmc_ros.robot.two_link.kinematics import base_motion as platform_motion
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest

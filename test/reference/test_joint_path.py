@@ -14,8 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from masmc_ros.errors import InputError
 from masmc_ros.reference.joined import JoinedMotion
-from masmc_ros.reference.joint_path import JointPath, JointPoints, JointState
-from masmc_ros.reference.joint_task import JointTask
+from masmc_ros.reference.joint_path import JointPath, JointPoints, JointState, JointTask
 from masmc_ros.reference.pose_path import PosePoints, Speeds, TaskPath
 from masmc_ros.robot.robot import Robot, robot_of
 from masmc_ros.robot.tree.tree_mechanism import tree_mechanism

@@ -12,7 +12,7 @@ from pathlib import Path
 from helpers.robots import between
 from hypothesis import given
 from hypothesis import strategies as st
-from masmc_ros.campaign.tuned_file import BaseFile
+from masmc_ros.campaign.tune import BaseFile
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import read_run

@@ -13,8 +13,7 @@ import sys
 
 from helpers.report_runs import run_of, ticks
 from masmc_ros.log.read.reader import Run
-from masmc_ros.report.measure.chatter import reversal_shares
-from masmc_ros.report.measure.metrics import metrics
+from masmc_ros.report.measure.metrics import metrics, reversal_shares
 import numpy as np
 import pytest
 

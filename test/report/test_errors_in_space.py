@@ -13,9 +13,9 @@ from helpers.log_contents import read_log
 from helpers.small_tree import hand_at_start, write_scenario
 import masmc_ros as masmc
 from masmc_ros.campaign.campaign import campaign_of
-from masmc_ros.campaign.part import rows
+from masmc_ros.campaign.runs import rows
 from masmc_ros.cli.main import main
-from masmc_ros.compare.ranking import Row
+from masmc_ros.compare.law_comparison import Row
 from masmc_ros.log.read.reader import read_run, Run
 from masmc_ros.report.measure.metrics import Metrics, metrics, MetricSamples
 from masmc_ros.report.measure.parameters import run_robot

@@ -217,6 +217,6 @@ def test_layout_scene_shows_robot_and_paths(
 
 
 def test_layout_is_installed() -> None:
-    from masmc_ros.share import shared_file
+    from masmc_ros.files import shared_file
 
     assert shared_file('config', LAYOUT.name) == Path(LAYOUT)

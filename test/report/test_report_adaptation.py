@@ -18,7 +18,7 @@ from masmc_ros.report.measure.adaptation import adaptation, assumed_model
 from masmc_ros.report.measure.parameters import robot_of_node
 from masmc_ros.report.page.page import report_page
 from masmc_ros.report.report import write_report
-from masmc_ros.robot.two_link.physical_parameters import ROBOT
+from masmc_ros.robot.two_link.paper_robot import ROBOT
 import numpy as np
 import pytest
 

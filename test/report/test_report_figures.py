@@ -18,9 +18,8 @@ from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import Run
 from masmc_ros.report.digest import digests_of
-from masmc_ros.report.draw.comparison import comparison_figure
-from masmc_ros.report.draw.error import error_figure
 from masmc_ros.report.draw.figures import draw_figures, figure_names
+from masmc_ros.report.draw.run_figures import comparison_figure, error_figure
 from masmc_ros.report.draw.style import figure_file, paper_style
 from masmc_ros.report.measure.labels import labels
 from masmc_ros.report.measure.metrics import metrics
@@ -28,7 +27,7 @@ from masmc_ros.report.measure.tracking import tracking
 from masmc_ros.report.report import write_report
 from masmc_ros.robot.declaration import Point
 from masmc_ros.robot.mechanisms import DEFAULT
-from masmc_ros.robot.two_link.drawing import arm_points
+from masmc_ros.robot.two_link.description import arm_points
 import matplotlib
 from matplotlib.image import imread
 import numpy as np

@@ -40,8 +40,7 @@ from masmc_ros.report.measure.metrics import metrics
 from masmc_ros.report.measure.parameters import run_robot
 from masmc_ros.report.measure.tracking import tracking
 from masmc_ros.report.page.page import report_page
-from masmc_ros.robot.joint_names import joint_names_of
-from masmc_ros.robot.mechanisms import mechanism_from
+from masmc_ros.robot.mechanisms import joint_names_of, mechanism_from
 import numpy as np
 import pytest
 

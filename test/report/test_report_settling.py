@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from masmc_ros.report.measure.metrics import metrics
-from masmc_ros.report.measure.settling import FLOOR, settling_band, settling_time
+from masmc_ros.report.measure.tracking import FLOOR, settling_band, settling_time
 import numpy as np
 import pytest
 

@@ -15,12 +15,12 @@ from typing import Any
 from helpers.report_runs import paper_like, telling, with_change
 from hypothesis import given
 from hypothesis import strategies as st
-from masmc_ros.report.aligned import aligned
 from masmc_ros.report.draw.figures import figure_names
 from masmc_ros.report.measure.labels import labels
 from masmc_ros.report.measure.metrics import Metrics, metrics, Reached
 from masmc_ros.report.measure.table import csv_table, markdown_table, number, text_table
 from masmc_ros.report.report import write_report
+from masmc_ros.result_text import aligned
 from masmc_ros.robot.mechanisms import DEFAULT
 import pytest
 

@@ -11,9 +11,9 @@ from pathlib import Path
 
 from helpers.report_html import Page
 from helpers.report_runs import paper_like
-from masmc_ros.report.measure.differences import differences, natural_key, run_names, run_order
+from masmc_ros.report.measure.findings import verdict
 from masmc_ros.report.measure.metrics import Metrics, metrics, Reached
-from masmc_ros.report.measure.verdict import verdict
+from masmc_ros.report.measure.parameters import differences, natural_key, run_names, run_order
 from masmc_ros.report.report import write_report
 from masmc_ros.robot.mechanisms import DEFAULT
 import pytest

@@ -18,7 +18,7 @@ from masmc_ros.messages.transforms import transforms_of, TransformsCdr
 from masmc_ros.robot.base_pose import BasePose, planar_pose
 from masmc_ros.robot.dead_reckoning import DeadReckoning
 from masmc_ros.robot.robot import robot_of
-from masmc_ros.robot.two_link.platform_motion import base_motion
+from masmc_ros.robot.two_link.kinematics import base_motion
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 from numpy.typing import NDArray

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
-from masmc_ros.robot.joint_names import check_frame_prefix
+from masmc_ros.robot.mechanisms import check_frame_prefix
 from masmc_ros.robot.robot import Robot
 from masmc_ros.robot.tree.frames import world_of
 from masmc_ros.robot.tree.tree_mechanism import tree_mechanism

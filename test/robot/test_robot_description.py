@@ -12,7 +12,7 @@ from helpers.robots import Array, between, DEFAULT, Machine, machines, PROPERTY,
 from hypothesis import given
 from hypothesis import strategies as st
 from masmc_ros.errors import InputError
-from masmc_ros.messages.names import DRIVEN_JOINTS
+from masmc_ros.messages.topics import DRIVEN_JOINTS
 from masmc_ros.robot.robot import robot_description
 from masmc_ros.robot.two_link.constants import base_parameters
 import numpy as np

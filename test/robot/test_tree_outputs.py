@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from masmc_ros.errors import InputError
 from masmc_ros.robot.declaration import check_points, Point
-from masmc_ros.robot.joint_names import driven_joint_names, JOINT_NAMES_PARAMETER
+from masmc_ros.robot.mechanisms import driven_joint_names, JOINT_NAMES_PARAMETER
 from masmc_ros.robot.robot import robot_description, robot_of
 from masmc_ros.robot.tree.task.outputs import JOINTS, OUTPUTS
 from masmc_ros.robot.tree.tree_mechanism import tree_mechanism, TreeMechanism

@@ -8,10 +8,10 @@ from __future__ import annotations
 import math
 
 from masmc_ros.errors import InputError
+from masmc_ros.files import scenario_file
 from masmc_ros.robot.robot import robot_description
 from masmc_ros.robot.visuals import visual_shapes
 from masmc_ros.scenario.scenario import load_scenario
-from masmc_ros.share import scenario_file
 import pytest
 
 LINK = '<robot name="r"><material name="red"><color rgba="1 0 0 1"/></material><link name="a">{}'

@@ -11,26 +11,15 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from masmc_ros.campaign.runs import scenario_of
-from masmc_ros.cli.arguments import (
-    add_file,
-    add_json,
-    add_output,
-    add_path,
-    add_settings,
-    add_workers,
-    count,
-)
-from masmc_ros.cli.urdf_choices import print_choices
-from masmc_ros.compare import foreign, results
-from masmc_ros.compare.law_comparison import comparison_of
-from masmc_ros.compare.ranking import by_error, compared
+from masmc_ros.cli import arguments
+from masmc_ros.cli.arguments import print_choices
+from masmc_ros.compare import contenders, results
+from masmc_ros.compare.law_comparison import by_error, compared, comparison_of
 from masmc_ros.compare.tables import as_json, page, text
-from masmc_ros.errors import InputError
-from masmc_ros.optional import require_rclpy
-from masmc_ros.output_files import check_folder, make_folder, write_file
-from masmc_ros.report.aligned import WIDTH
+from masmc_ros.errors import InputError, require_rclpy
+from masmc_ros.files import check_folder, make_folder, scenario_file, write_file
+from masmc_ros.result_text import WIDTH
 from masmc_ros.scenario.scenario import source_of
-from masmc_ros.share import scenario_file
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -39,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'Run laws on the same scenario and seeds: ranked by error, with effort and chattering,'
         ' also with noise, delay, 100 Hz, a wrong model and limits.'
     )
-    add_file(parser)
+    arguments.add_file(parser)
     parser.add_argument(
         '--laws',
         default='all',
@@ -47,13 +36,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='LAW or LAW:SWITCHING, separated by commas; or all (%(default)s)',
     )
     parser.add_argument(
-        foreign.OPTION,
+        contenders.OPTION,
         action='append',
         default=[],
         metavar='FILE.py:NAME',
         help='controller from elsewhere: a function of (state, reference) that returns torques,'
-        f' or a class of such objects; or {foreign.TOPICS}NAME, a node that answers states on ROS'
-        ' topics; repeatable',
+        f' or a class of such objects; or {contenders.TOPICS}NAME, a node that answers states on'
+        ' ROS topics; repeatable',
     )
     parser.add_argument(
         results.OPTION,
@@ -72,17 +61,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         '--seeds',
-        type=count,
+        type=arguments.count,
         default=1,
         metavar='N',
         help='runs of each: seed 0 is the scenario, others draw robot, disturbance and noise '
         '(%(default)s)',
     )
-    add_settings(parser)
-    add_path(parser)
-    add_output(parser, 'compare')
-    add_workers(parser)
-    add_json(parser)
+    arguments.add_settings(parser)
+    arguments.add_path(parser)
+    arguments.add_output(parser, 'compare')
+    arguments.add_workers(parser)
+    arguments.add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -96,18 +85,18 @@ def run(options: argparse.Namespace) -> int:
 @contextmanager
 def _controllers(
     options: argparse.Namespace, file: str
-) -> Iterator[dict[str, foreign.Controller]]:
+) -> Iterator[dict[str, contenders.Controller]]:
     """Yield the controllers from elsewhere by name; one may be a node."""
-    of_files = [text for text in options.controller if not text.startswith(foreign.TOPICS)]
-    controllers = foreign.loaded_controllers(of_files)
-    nodes = [text for text in options.controller if text.startswith(foreign.TOPICS)]
+    of_files = [text for text in options.controller if not text.startswith(contenders.TOPICS)]
+    controllers = contenders.loaded_controllers(of_files)
+    nodes = [text for text in options.controller if text.startswith(contenders.TOPICS)]
     if not nodes:
         yield controllers
         return
-    name = nodes[0].removeprefix(foreign.TOPICS)
+    name = nodes[0].removeprefix(contenders.TOPICS)
     if len(nodes) > 1 or not name.isidentifier() or name in controllers:
-        given = ' '.join(f"{foreign.OPTION} '{text}'" for text in nodes)
-        raise InputError(f'{given}: expected one {foreign.TOPICS}NAME with a name of its own')
+        given = ' '.join(f"{contenders.OPTION} '{text}'" for text in nodes)
+        raise InputError(f'{given}: expected one {contenders.TOPICS}NAME with a name of its own')
     require_rclpy()
     from masmc_ros.nodes.topic_controller import topic_controller
 
@@ -117,7 +106,7 @@ def _controllers(
 
 
 def _compare(
-    options: argparse.Namespace, file: str, controllers: dict[str, foreign.Controller]
+    options: argparse.Namespace, file: str, controllers: dict[str, contenders.Controller]
 ) -> int:
     comparison = comparison_of(
         file, options.set, options.laws, options.trials, options.seeds, controllers

@@ -11,22 +11,18 @@ import json
 from pathlib import Path
 import time
 
-from masmc_ros.cli.arguments import add_json, add_output
+from masmc_ros.cli.arguments import add_json, add_output, print_choices
 from masmc_ros.cli.commands.report import report
-from masmc_ros.cli.node_processes import node_processes, NodeProcesses
-from masmc_ros.cli.private_domain import private_domain
-from masmc_ros.cli.urdf_choices import print_choices
-from masmc_ros.errors import UserError
+from masmc_ros.cli.node_processes import node_processes, NodeProcesses, private_domain
+from masmc_ros.errors import require_rclpy, UserError
+from masmc_ros.files import make_folder, scenario_file, scenarios, write_file
 from masmc_ros.law.reaching.implicit import IMPLICIT
 from masmc_ros.law.registry import SWITCHING_TERM
 from masmc_ros.loop.timing import DURATION
-from masmc_ros.optional import require_rclpy
-from masmc_ros.output_files import make_folder, write_file
 from masmc_ros.params.declaration import MutableValues
 from masmc_ros.report.measure.table import distance_text
 from masmc_ros.robot.mechanisms import DEFAULT, mechanism_from
 from masmc_ros.scenario.scenario import load_scenario, source_of
-from masmc_ros.share import scenario_file, scenarios
 from tqdm import tqdm
 
 RUNS: dict[str, MutableValues] = {

@@ -8,20 +8,11 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from masmc_ros.cli.arguments import (
-    add_file,
-    add_json,
-    add_overwrite,
-    add_seed,
-    add_settings,
-)
-from masmc_ros.cli.urdf_choices import print_choices
+from masmc_ros.cli import arguments
 from masmc_ros.errors import InputError
-from masmc_ros.json_text import json_text
-from masmc_ros.output_files import check_absent
-from masmc_ros.report.aligned import aligned
+from masmc_ros.files import check_absent, scenario_file
+from masmc_ros.result_text import aligned, json_text
 from masmc_ros.scenario.scenario import source_of
-from masmc_ros.share import scenario_file
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -30,17 +21,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'Write a scenario in which all joints move so that masmc identify can determine their'
         ' parameters, within the limits of position, speed and torque.'
     )
-    add_file(parser)
-    add_settings(parser)
+    arguments.add_file(parser)
+    arguments.add_settings(parser)
     text = 'parameter file to write'
     parser.add_argument('--output', metavar='FILE.yaml', required=True, help=text)
     text = 'duration of the motion in s (%(default)s)'
     parser.add_argument('--duration', type=float, default=30.0, help=text)
     text = 'largest deviation of a joint from its start in rad or m (%(default)s)'
     parser.add_argument('--amplitude', type=float, default=0.5, help=text)
-    add_seed(parser, 'the search')
-    add_overwrite(parser)
-    add_json(parser)
+    arguments.add_seed(parser, 'the search')
+    arguments.add_overwrite(parser)
+    arguments.add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -53,10 +44,10 @@ def run(options: argparse.Namespace) -> int:
         raise InputError(f'--amplitude {options.amplitude:g}: expected a number > 0')
     file = scenario_file(options.file)
     source = source_of(file, options.set)
-    print_choices(source)
+    arguments.print_choices(source)
     scenario = source.scenario()
     # Imported here: the compiler takes time.
-    from masmc_ros.identification.exciting_file import write_exciting
+    from masmc_ros.identification.excitation import write_exciting
 
     excitation = write_exciting(
         output,

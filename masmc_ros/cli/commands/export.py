@@ -8,9 +8,9 @@ from __future__ import annotations
 import argparse
 
 from masmc_ros.cli.arguments import add_json, add_logs, add_output, add_overwrite
-from masmc_ros.json_text import with_sizes
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.report.export import check_export, FORMATS, write_export
+from masmc_ros.result_text import with_sizes
 from tqdm import tqdm
 
 

@@ -13,16 +13,15 @@ from typing import TYPE_CHECKING
 
 from masmc_ros.cli.arguments import add_json, add_overwrite
 from masmc_ros.errors import InputError
-from masmc_ros.json_text import json_text
+from masmc_ros.files import check_absent
 from masmc_ros.log.read.reader import read_run
-from masmc_ros.output_files import check_absent
-from masmc_ros.report.aligned import aligned, WIDTH
+from masmc_ros.result_text import aligned, json_text, WIDTH
 from masmc_ros.robot.declaration import Coordinate
 
 if TYPE_CHECKING:
     from masmc_ros.identification.identify import Identified
     from masmc_ros.identification.latency_fit import LatencyFit
-    from masmc_ros.identification.load import Load
+    from masmc_ros.identification.payload import Load
 
 _FARTHEST = 0.5
 """Standard error of a centre of mass in m from which the motion did not determine it."""
@@ -54,14 +53,23 @@ def run(options: argparse.Namespace) -> int:
         check_absent(output, overwrite=options.overwrite)
         check_absent(output.with_suffix('.urdf'), overwrite=options.overwrite)
     # Imported here: the compiler and the solvers take time.
-    from masmc_ros.identification.directions import base_parameters, unexcited
-    from masmc_ros.identification.identify import identify, measured, relative_error
-    from masmc_ros.identification.nominal import nominal_of, nominal_of_run
-    from masmc_ros.identification.parameter_file import unwritten_timing, write_identified
+    from masmc_ros.files import scenario_file
+    from masmc_ros.identification.identify import (
+        base_parameters,
+        identify,
+        measured,
+        relative_error,
+        unexcited,
+    )
+    from masmc_ros.identification.parameter_file import (
+        nominal_of,
+        nominal_of_run,
+        unwritten_timing,
+        write_identified,
+    )
     from masmc_ros.identification.payload import payload_of
     from masmc_ros.identification.samples import samples_of
     from masmc_ros.scenario.scenario import load_scenario
-    from masmc_ros.share import scenario_file
 
     logged = read_run(options.log)
     samples = samples_of(logged)

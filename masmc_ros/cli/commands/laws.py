@@ -11,7 +11,6 @@ from time import perf_counter
 
 from masmc_ros.cli.arguments import add_json
 from masmc_ros.jit.compiled import bound
-from masmc_ros.json_text import json_text
 from masmc_ros.law import registry
 from masmc_ros.law.law import Law
 from masmc_ros.loop.closed_loop import control_ticks
@@ -19,7 +18,7 @@ from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.timing import CONTROL_PERIOD
 from masmc_ros.params.declaration import check_all
-from masmc_ros.report.aligned import WIDTH
+from masmc_ros.result_text import json_text, WIDTH
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.scenario.node_parameters import declared
 import numpy as np

@@ -13,17 +13,15 @@ from typing import Any, NamedTuple
 
 from masmc_ros.cli.arguments import add_file
 from masmc_ros.errors import InputError
+from masmc_ros.files import scenario_file, shared_file, write_file
 from masmc_ros.law.command_interface import is_hybrid
+from masmc_ros.log.bag import check_apart
 from masmc_ros.log.read.reader import is_log, read_run
-from masmc_ros.log.recover.overlap import check_apart
-from masmc_ros.messages.names import COMMAND_TOPIC, STATE_TOPIC, telemetry_topic
 from masmc_ros.messages.telemetry import STAMP_NUMBERS
-from masmc_ros.output_files import write_file
-from masmc_ros.robot.declaration import Mechanism, Quantity
+from masmc_ros.messages.topics import COMMAND_TOPIC, STATE_TOPIC, telemetry_topic
+from masmc_ros.robot.declaration import MASS, Mechanism, Quantity, shown_parameters
 from masmc_ros.robot.mechanisms import DEFAULT, mechanism_from
-from masmc_ros.robot.shown_parameters import MASS, shown_parameters
 from masmc_ros.scenario.scenario import load_scenario
-from masmc_ros.share import scenario_file, shared_file
 
 _COLOURS = (
     '#1f77b4', '#ff7f0e', '#2ca02c', '#d62728', '#9467bd', '#8c564b', '#17becf', '#e377c2',

@@ -10,10 +10,10 @@ from pathlib import Path
 import re
 
 from masmc_ros.cli.arguments import add_file, add_json, add_output, add_overwrite, add_settings
-from masmc_ros.json_text import with_sizes
+from masmc_ros.files import scenario_file
 from masmc_ros.native.targets import TARGETS
+from masmc_ros.result_text import with_sizes
 from masmc_ros.scenario.scenario import load_scenario
-from masmc_ros.share import scenario_file
 
 _DEFAULT = tuple(TARGETS)[:1]
 

@@ -11,9 +11,8 @@ import sys
 
 from masmc_ros.cli.arguments import add_file, add_json, add_overwrite, add_settings
 from masmc_ros.cli.compile_notice import compile_notice
-from masmc_ros.json_text import json_text
-from masmc_ros.output_files import check_absent, make_folder, write_file
-from masmc_ros.share import scenario_file
+from masmc_ros.files import check_absent, make_folder, scenario_file, write_file
+from masmc_ros.result_text import json_text
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -15,12 +15,11 @@ import sys
 from typing import Any, TYPE_CHECKING
 
 from masmc_ros.cli.arguments import add_json
-from masmc_ros.errors import InputError
-from masmc_ros.json_text import json_text
-from masmc_ros.optional import require_rclpy
+from masmc_ros.errors import InputError, require_rclpy
+from masmc_ros.params.blocks import complaint
 from masmc_ros.params.file import parse_value
-from masmc_ros.params.node_name import complaint
-from masmc_ros.params.values import FileValue
+from masmc_ros.params.yaml_nodes import FileValue
+from masmc_ros.result_text import json_text
 import yaml
 
 if TYPE_CHECKING:

@@ -18,19 +18,15 @@ from tempfile import TemporaryDirectory
 import time
 import webbrowser
 
-from masmc_ros.cli.arguments import add_file, add_overwrite, add_settings
-from masmc_ros.cli.node_processes import node_processes, NodeProcesses
-from masmc_ros.cli.private_domain import private_domain
-from masmc_ros.cli.show.desktop import has_desktop, tunnel_hint
-from masmc_ros.cli.urdf_choices import print_choices
-from masmc_ros.errors import InputError, UserError
+from masmc_ros.cli.arguments import add_file, add_overwrite, add_settings, print_choices
+from masmc_ros.cli.file_server import has_desktop, tunnel_hint
+from masmc_ros.cli.node_processes import node_processes, NodeProcesses, private_domain
+from masmc_ros.errors import InputError, require_rclpy, UserError
+from masmc_ros.files import check_absent, scenario_file, shared_file, write_file
+from masmc_ros.log.bag import check_apart
 from masmc_ros.log.read.reader import is_log, read_run
-from masmc_ros.log.recover.overlap import check_apart
 from masmc_ros.log.write.writer import check_log_path
-from masmc_ros.optional import require_rclpy
-from masmc_ros.output_files import check_absent, write_file
 from masmc_ros.scenario.scenario import load_scenario, readers, source_of
-from masmc_ros.share import scenario_file, shared_file
 
 NODES = ('trajectory', 'controller', 'plant')
 """Nodes of the run, in the order of their start."""
@@ -128,9 +124,8 @@ def run(options: argparse.Namespace) -> int:
 def _replay(path: Path, options: argparse.Namespace) -> int:
     """Replay a log until interrupted."""
     # Imported here: the help does not need the server of the page.
-    from masmc_ros.nodes.play.page import Page
+    from masmc_ros.nodes.play.page import Page, PlayServer
     from masmc_ros.nodes.play.replay import Replay
-    from masmc_ros.nodes.play.server import PlayServer
 
     if options.output is not None:
         raise InputError(f'--output: {path} is a recording already; expected a parameter file')
@@ -220,7 +215,7 @@ def _announce(address: str, options: argparse.Namespace) -> None:
     print(f'page: {address}')
     port = int(address.rpartition(':')[2])
     # Imported here: the help does not need the server of the page.
-    from masmc_ros.nodes.play.server import is_local
+    from masmc_ros.nodes.play.page import is_local
 
     if not is_local(options.host) and not options.allow_commands:
         print(

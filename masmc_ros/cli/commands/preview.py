@@ -12,28 +12,24 @@ from textwrap import fill
 from typing import Any
 
 from masmc_ros.aliases import Array
-from masmc_ros.cli.arguments import (
-    add_file,
-    add_json,
-    add_overwrite,
-    add_path,
-    add_settings,
-    positive,
-)
+from masmc_ros.cli import arguments
+from masmc_ros.cli.arguments import print_choices
 from masmc_ros.cli.compile_notice import compile_notice
-from masmc_ros.cli.urdf_choices import print_choices
 from masmc_ros.errors import InputError
-from masmc_ros.json_text import json_text
-from masmc_ros.log.recover.overlap import check_apart
-from masmc_ros.output_files import check_absent, write_file
+from masmc_ros.files import check_absent, scenario_file, write_file
+from masmc_ros.log.bag import check_apart
 from masmc_ros.reference.path_file import csv_text
-from masmc_ros.report.aligned import aligned, WIDTH
-from masmc_ros.report.draw.preview_figure import preview_figure
+from masmc_ros.report.draw.path_figures import preview_figure
 from masmc_ros.report.draw.style import figure_file, FORMATS, paper_style
-from masmc_ros.report.measure.fastest_path import fastest_samples
-from masmc_ros.report.measure.path_preview import PathError, Preview, preview, sufficient_slowdown
+from masmc_ros.report.measure.path_preview import (
+    fastest_samples,
+    PathError,
+    Preview,
+    preview,
+    sufficient_slowdown,
+)
+from masmc_ros.result_text import aligned, json_text, WIDTH
 from masmc_ros.scenario.scenario import source_of
-from masmc_ros.share import scenario_file
 import numpy as np
 
 
@@ -44,9 +40,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         ' accelerations and torques of the nominal robot, and the slow-down that suffices. Exit'
         ' status 1 if a limit is exceeded.'
     )
-    add_file(parser, ', or a URDF')
-    add_settings(parser)
-    add_path(parser)
+    arguments.add_file(parser, ', or a URDF')
+    arguments.add_settings(parser)
+    arguments.add_path(parser)
     parser.add_argument(
         '--output', metavar='FILE.png', help=f'figure, with the suffix {", ".join(FORMATS)}'
     )
@@ -55,11 +51,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='write the path with the fastest timing within speeds and --acceleration (toppra)',
     )  # fmt: skip
     parser.add_argument(
-        '--acceleration', type=positive, default=1.0, metavar='A',
+        '--acceleration', type=arguments.positive, default=1.0, metavar='A',
         help='largest acceleration of the joints for --fastest, rad/s² or m/s² (%(default)s)',
     )  # fmt: skip
-    add_overwrite(parser)
-    add_json(parser)
+    arguments.add_overwrite(parser)
+    arguments.add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -12,10 +12,10 @@ import sys
 
 from masmc_ros.cli.arguments import add_json, add_logs
 from masmc_ros.errors import InputError
-from masmc_ros.json_text import json_text
 from masmc_ros.log.read.gaps import Gaps, state_gaps
-from masmc_ros.log.recover.recover import recover, Recovered
+from masmc_ros.log.recover import recover, Recovered
 from masmc_ros.messages.cdr_layout import NANOSECONDS
+from masmc_ros.result_text import json_text
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

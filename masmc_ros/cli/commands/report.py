@@ -10,14 +10,13 @@ from collections.abc import Mapping, Sequence
 import sys
 
 from masmc_ros.cli.arguments import add_json, add_logs, add_output
-from masmc_ros.json_text import json_text
-from masmc_ros.report.aligned import WIDTH
 from masmc_ros.report.digest import LogRuns
 from masmc_ros.report.draw.figures import FEW
 from masmc_ros.report.draw.style import FORMATS
 from masmc_ros.report.measure.metrics import Metrics
 from masmc_ros.report.measure.table import json_table, text_table
 from masmc_ros.report.report import check_report, write_report
+from masmc_ros.result_text import json_text, WIDTH
 from tqdm import tqdm
 
 

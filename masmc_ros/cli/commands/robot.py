@@ -11,18 +11,15 @@ from pathlib import Path
 from textwrap import fill
 from typing import Any
 
-from masmc_ros.cli.arguments import add_file, add_json, add_overwrite, add_settings
-from masmc_ros.cli.urdf_choices import choice_lines, choices_of
+from masmc_ros.cli import arguments
 from masmc_ros.errors import InputError
-from masmc_ros.json_text import json_text
-from masmc_ros.law.parts.command_limits import TORQUE_LIMIT
-from masmc_ros.log.recover.overlap import check_apart
+from masmc_ros.files import check_absent, scenario_file, write_file
+from masmc_ros.law.parts.joint_limits import TORQUE_LIMIT
+from masmc_ros.log.bag import check_apart
 from masmc_ros.loop.plant_parameters import INITIAL_JOINTS, INITIAL_POSE
 from masmc_ros.loop.scenario import Scenario
-from masmc_ros.output_files import check_absent, write_file
-from masmc_ros.report.aligned import aligned, WIDTH
+from masmc_ros.result_text import aligned, json_text, WIDTH
 from masmc_ros.scenario.scenario import lowest_limits, source_of
-from masmc_ros.share import scenario_file
 import numpy as np
 
 
@@ -33,13 +30,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         ' or URDF, and its position at the start. For a URDF, print the choices for all that it'
         ' does not contain.'
     )
-    add_file(parser, ', or a URDF')
-    add_settings(parser)
+    arguments.add_file(parser, ', or a URDF')
+    arguments.add_settings(parser)
     parser.add_argument(
         '--write', metavar='FILE.yaml', help='write the parameter file for the robot of a URDF'
     )
-    add_overwrite(parser)
-    add_json(parser)
+    arguments.add_overwrite(parser)
+    arguments.add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -49,7 +46,7 @@ def run(options: argparse.Namespace) -> int:
     robot = _robot(source.scenario())
     if options.write is not None:
         _write(Path(options.write), file, options)
-    robot['choices'] = choices_of(source.defaults)
+    robot['choices'] = arguments.choices_of(source.defaults)
     robot['warnings'] += source.defaults.notes if source.defaults else ()
     robot['written'] = options.write
     print(json_text(robot) if options.json else _text(robot))
@@ -167,7 +164,7 @@ def _text(robot: dict[str, Any]) -> str:
         *table,
         '',
         *(fill(line, WIDTH, subsequent_indent='  ', break_on_hyphens=False) for line in lines),
-        *choice_lines(robot['choices']),
+        *arguments.choice_lines(robot['choices']),
         *([f'written: {robot["written"]}'] if robot['written'] else []),
     ])
 

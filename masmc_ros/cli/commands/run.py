@@ -5,6 +5,8 @@
 `masmc run`: a node in this process, if the `ros2` command is not installed.
 
 Modules that take long to import are imported only once signals are handled.
+
+`masmc run NODE --help` prints the usage of a node, and its parameters.
 """
 
 from __future__ import annotations
@@ -17,10 +19,8 @@ import os
 import sys
 from types import FrameType
 
-from masmc_ros.cli.endings import end_with_parent
-from masmc_ros.errors import suggestion, UserError
-from masmc_ros.nodes.process.ending import on_end
-from masmc_ros.optional import remedy, require_rclpy
+from masmc_ros.errors import remedy, require_rclpy, suggestion, UserError
+from masmc_ros.nodes.process.ending import end_with_parent, on_end
 
 NODES = {
     'plant': 'Simulated robot: receives commands, publishes its states.',
@@ -51,9 +51,8 @@ def run_node(name: str, arguments: Sequence[str]) -> int:
         print(f"masmc run: no node '{name}'; {suggestion(name, NODES)}", file=sys.stderr)
         return 2
     if not {'-h', '--help'}.isdisjoint(takewhile(lambda word: word != '--ros-args', arguments)):
-        from masmc_ros.cli.node_help import node_help
 
-        print(node_help(name, NODES[name]), end='')
+        print(_node_help(name, NODES[name]), end='')
         return 0
     end_with_parent()
     # Imports take a second, in which SIGINT would print a traceback, and nothing needs to be
@@ -73,3 +72,46 @@ def run_node(name: str, arguments: Sequence[str]) -> int:
 
 def _end(number: int, frame: FrameType | None) -> None:
     os._exit(0)
+
+
+_COMPOSED = ('plant', 'trajectory', 'controller', 'recorder')
+_WIDEST = 99
+
+
+def _node_help(name: str, description: str) -> str:
+    """Return the help of a node, as wide as the terminal."""
+    import shutil
+    import textwrap
+
+    from masmc_ros.params.presentation import plain_list
+    from masmc_ros.scenario.node_parameters import declared, shared
+
+    width = min(_WIDEST, shutil.get_terminal_size().columns)
+    own = '' if name != 'composed' else '[--record] '
+    example = f'{name}:NAME' if name != 'composed' else 'NODE:NAME'
+    intro = (
+        'Set a parameter by -p NAME:=VALUE, or in a ROS 2 parameter file under ros__parameters;'
+        f' -p {example}:=VALUE applies to one node. Parameters marked live can be changed while'
+        ' the node runs, with `ros2 param set` or `masmc param set`.'
+    )
+    usage = f'usage: masmc run {name} '
+    lines = [
+        f'{usage}{own}[--ros-args [-p NAME:=VALUE]',
+        f'{" " * len(usage)}[--params-file FILE] [-r FROM:=TO] ...]',
+        '',
+        description,
+        '',
+        *textwrap.wrap(intro, width),
+    ]
+    if own:
+        lines += ['', '  --record  record the run as well']
+    nodes = _COMPOSED if own else (name,)
+    names = {parameter.name for parameter in shared()}
+    for node in nodes:
+        parameters = [p for p in declared(node) if p.name not in names]
+        lines += ['', f'parameters of the node {node}:', *plain_list(parameters, width)]
+    needed = {p.name for node in nodes for p in declared(node)}
+    common = [p for p in shared() if p.name in needed]
+    if common:
+        lines += ['', 'shared parameters of all nodes:', *plain_list(common, width)]
+    return '\n'.join(lines) + '\n'

@@ -17,28 +17,25 @@ import sys
 from typing import NamedTuple
 
 from masmc_ros.aliases import Array, Flags
-from masmc_ros.cli.arguments import add_file, add_json, add_overwrite, add_path, add_settings
+from masmc_ros.cli import arguments
 from masmc_ros.cli.compile_notice import compile_notice
 from masmc_ros.cli.run_course import Course
-from masmc_ros.cli.urdf_choices import print_choices
 from masmc_ros.errors import InputError
-from masmc_ros.json_text import json_text
+from masmc_ros.files import check_absent, scenario_file, scenarios
+from masmc_ros.log.bag import check_apart
 from masmc_ros.log.read.reader import is_log, read_run, Run
-from masmc_ros.log.recover.overlap import check_apart
 from masmc_ros.loop.plant_parameters import INITIAL_JOINTS
 from masmc_ros.loop.scenario import Scenario
 from masmc_ros.loop.signals import largest_slip
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.tick_block import Change
 from masmc_ros.loop.timed_simulation import TimedSimulation
-from masmc_ros.output_files import check_absent
-from masmc_ros.reference.sampled_trajectory import SampledTrajectory
-from masmc_ros.report.aligned import WIDTH
-from masmc_ros.report.measure.chatter import chatter_notes
+from masmc_ros.reference.reference import SampledTrajectory
 from masmc_ros.report.measure.labels import law_label
-from masmc_ros.report.measure.metrics import MetricSamples
+from masmc_ros.report.measure.metrics import chatter_notes, MetricSamples
 from masmc_ros.report.measure.recomputed import logged_responses, Recomputed
 from masmc_ros.report.measure.table import json_table, text_table
+from masmc_ros.result_text import json_text, WIDTH
 from masmc_ros.scenario.scenario import (
     activation,
     logged_scenario,
@@ -46,7 +43,6 @@ from masmc_ros.scenario.scenario import (
     lowest_limits,
     source_of,
 )
-from masmc_ros.share import scenario_file, scenarios
 import numpy as np
 from tqdm import tqdm
 
@@ -84,14 +80,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'Compute the closed loop of a parameter file or URDF, bitwise identical to the nodes; or'
         ' compute the run of a log again, and compare.'
     )
-    add_file(parser, ', a URDF, or the log of a run')
+    arguments.add_file(parser, ', a URDF, or the log of a run')
     text = 'list the installed parameter files; --json before it prints JSON'
     parser.add_argument('--list', action=_ListScenarios, nargs=0, help=text)
-    add_settings(parser)
-    add_path(parser)
+    arguments.add_settings(parser)
+    arguments.add_path(parser)
     parser.add_argument('--output', metavar='RUN.mcap', help='log the run into this file')
-    add_overwrite(parser)
-    add_json(parser)
+    arguments.add_overwrite(parser)
+    arguments.add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -265,7 +261,7 @@ def _source(file: str, settings: Sequence[str]) -> _Source:
     file = scenario_file(file)
     source = source_of(file, settings)
     scenario = source.scenario()
-    print_choices(source)
+    arguments.print_choices(source)
     for line in source.strays():
         print(line, file=sys.stderr)
     name = file if source.defaults is None else str(Path(file).with_suffix('.yaml'))

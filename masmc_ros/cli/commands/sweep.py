@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import argparse
 
-from masmc_ros.campaign.axes import axis, FORM
+from masmc_ros.campaign.variable import axis, AXIS_FORM
 from masmc_ros.cli.arguments import count
 from masmc_ros.cli.campaign_options import add_campaign, add_draws, run_campaign
 
@@ -20,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_campaign(parser, 'sweep')
     parser.add_argument(
         '--vary', action='append', default=[], required=True, metavar='NAME=VALUES',
-        help=f'axis of the grid, {FORM}; NAME as in --set; repeatable',
+        help=f'axis of the grid, {AXIS_FORM}; NAME as in --set; repeatable',
     )  # fmt: skip
     parser.add_argument(
         '--runs', type=count, default=1, metavar='N',

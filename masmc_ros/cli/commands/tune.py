@@ -15,27 +15,15 @@ from pathlib import Path
 from masmc_ros.api.tuning import search
 from masmc_ros.campaign.summary import label
 from masmc_ros.campaign.tune import Candidate, FORM, Tuning
-from masmc_ros.cli.arguments import (
-    add_device,
-    add_file,
-    add_json,
-    add_output,
-    add_path,
-    add_seed,
-    add_settings,
-    add_threads,
-    count,
-)
+from masmc_ros.cli import arguments
+from masmc_ros.cli.arguments import print_choices
 from masmc_ros.cli.campaign_options import add_draws
-from masmc_ros.cli.urdf_choices import print_choices
-from masmc_ros.json_text import json_text
-from masmc_ros.output_files import check_folder, make_folder, write_file
-from masmc_ros.report.aligned import aligned, WIDTH
+from masmc_ros.files import check_folder, make_folder, scenario_file, write_file
 from masmc_ros.report.draw.campaign_figures import front_figure
 from masmc_ros.report.draw.style import figure_file, paper_style
 from masmc_ros.report.measure.table import Column, number
+from masmc_ros.result_text import aligned, json_text, WIDTH
 from masmc_ros.scenario.scenario import source_of
-from masmc_ros.share import scenario_file
 import numpy as np
 
 _SHOWN = 10
@@ -48,16 +36,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'Search gains that minimise two metrics, over drawn robots; write the Pareto front and a'
         ' parameter file.'
     )
-    add_file(parser)
+    arguments.add_file(parser)
     parser.add_argument(
         '--tune', action='append', default=[], required=True, metavar='NAME=LOW:HIGH',
         help=f'parameter to search, {FORM}; NAME as in --set; repeatable',
     )  # fmt: skip
-    add_settings(parser)
-    add_path(parser)
+    arguments.add_settings(parser)
+    arguments.add_path(parser)
     add_draws(parser, is_required=False)
     parser.add_argument(
-        '--runs', type=count, default=16, metavar='N',
+        '--runs', type=arguments.count, default=16, metavar='N',
         help='runs of each candidate, one without --draw (%(default)s)',
     )  # fmt: skip
     parser.add_argument(
@@ -70,14 +58,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='percentile of the metrics over the runs; 100: the worst run (%(default)g)',
     )  # fmt: skip
     parser.add_argument(
-        '--evaluations', type=count, default=256, metavar='N',
+        '--evaluations', type=arguments.count, default=256, metavar='N',
         help='number of candidates (%(default)s)',
     )  # fmt: skip
-    add_seed(parser, 'the draws and of the search')
-    add_threads(parser)
-    add_device(parser)
-    add_output(parser, 'tune')
-    add_json(parser)
+    arguments.add_seed(parser, 'the draws and of the search')
+    arguments.add_threads(parser)
+    arguments.add_device(parser)
+    arguments.add_output(parser, 'tune')
+    arguments.add_json(parser)
 
 
 def _percentile(text: str) -> float:

@@ -16,14 +16,13 @@ from tempfile import TemporaryDirectory
 from urllib.parse import urlencode
 
 from masmc_ros.cli.commands.layout import robot_in, write_layout
-from masmc_ros.cli.show.desktop import tunnel_hint
-from masmc_ros.cli.show.file_server import FileServer
-from masmc_ros.cli.show.served_meshes import described, write_with_addresses
+from masmc_ros.cli.file_server import FileServer, tunnel_hint
+from masmc_ros.cli.served_meshes import described, write_with_addresses
 from masmc_ros.errors import InputError
-from masmc_ros.log.mcap.codec import check_magic, MAGIC, truncated_message
-from masmc_ros.log.recover.recover import is_complete
+from masmc_ros.files import shared_file
+from masmc_ros.log.codec import check_magic, MAGIC, truncated_message
+from masmc_ros.log.recover import is_complete
 from masmc_ros.robot.mechanisms import DEFAULT
-from masmc_ros.share import shared_file
 from masmc_ros.user_folder import runtime_folder
 
 _DESKTOP = ('foxglove-studio', 'foxglove', 'lichtblick')

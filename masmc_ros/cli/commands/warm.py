@@ -14,9 +14,9 @@ from typing import Any
 from masmc_ros.cli.arguments import add_json, add_settings
 from masmc_ros.cli.compile_notice import compile_notice
 from masmc_ros.errors import InputError, suggestion
-from masmc_ros.identification.effort_echo import compile_echo
+from masmc_ros.files import scenario_file
+from masmc_ros.identification.latency_fit import compile_echo
 from masmc_ros.jit.record import AT_RUN_TIME
-from masmc_ros.json_text import json_text
 from masmc_ros.law import registry
 from masmc_ros.law.registry import LAW
 from masmc_ros.loop.law_code import code_for
@@ -26,9 +26,9 @@ from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.timing import CONTROL_PERIOD
 from masmc_ros.reference.joined import load_code
 from masmc_ros.report.measure.labels import law_label
+from masmc_ros.result_text import json_text
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.scenario.scenario import load_scenario
-from masmc_ros.share import scenario_file
 
 _TICKS = 3
 """Ticks of a run that loads or compiles the closed loop."""

@@ -17,6 +17,9 @@ and the torque of any law is reduced by H (d + (L / T + 1) delta). Torque that a
 added to the next torques. docs/theory/latency.md derives the gains. A base that follows velocities
 is predicted by its lag (`moving_base`). Without latency the compiled code contains none of this:
 `COMPENSATIONS` selects it.
+
+Adaptation under latency uses the measured state. The predicted state depends on theta_hat, so its
+error does not show that of theta_hat. The acceleration d that the model does not explain does.
 """
 
 from __future__ import annotations
@@ -24,22 +27,68 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 from masmc_ros.aliases import Numbers, Record
-from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.compiled import formula, subroutine
 from masmc_ros.jit.dispatch import by_tag, interface
-from masmc_ros.jit.tuples import elementwise
+from masmc_ros.jit.tuples import dot, elementwise
 from masmc_ros.law.fields import Memory, Settings
-from masmc_ros.law.parts import delay_gains, moving_base
-from masmc_ros.law.parts.delay_adaptation import measured_gradient
-from masmc_ros.law.parts.delay_fields import (
-    CompensationMemory,
-    CompensationSettings,
-    HISTORY,
+from masmc_ros.law.parts import delay_prediction, moving_base
+from masmc_ros.law.parts.delay_fields import CompensationMemory, CompensationSettings, HISTORY
+from masmc_ros.law.parts.delay_prediction import (
+    predicted_state,
+    State,
+    total_latency,
+    usual_latency,
 )
-from masmc_ros.law.parts.delay_prediction import predicted_state, State, total_latency
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.scalars import minus, moved
+from masmc_ros.numerics.scalars import minus, moved, times
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.formula_types import MechanismPosture
+
+ADAPTATION_TIME = 0.01
+"""Time c in s: the estimates follow sigma = c d."""
+
+SLOWNESS = 8.0
+"""Smallest time constant of the adaptation in latencies."""
+
+
+@formula
+def _relative(gradient: float, nominal: float) -> float:
+    return gradient * nominal * nominal
+
+
+@subroutine
+def measured_gradient(
+    settings: CompensationSettings, memory: CompensationMemory, tick: Tick
+) -> Numbers:
+    """
+    Return Y' c d of the measured state and its estimated acceleration.
+
+    Steps are relative to theta, as those of natural adaptation. The adaptation must be slower
+    than d. Its rate is that at which a step of theta_hat reduces d, in the metric of H; a factor
+    limits it to 1 / (SLOWNESS (L + T)).
+    """
+    model, theta = tick.model, memory.estimate
+    posture = mechanism.posture(model, memory.measured_position)
+    v = mechanism.motion(model, memory.measured_rates)
+    d = moving_base.by_torque(settings, memory.acceleration)
+    y = mechanism.regressor(model, posture, v, v, memory.measured_acceleration)
+    w = elementwise(times, d, ADAPTATION_TIME)
+    along = mechanism.regressor_transpose_times(model, y, w, tick.nominal)
+    if not mechanism.preserves_consistency(model, settings):
+        along = elementwise(_relative, along, tick.nominal)
+    adapted = mechanism.theta_step(model, settings, theta, along, tick.period)
+    change = elementwise(
+        minus,
+        mechanism.regressor_times(model, y, adapted),
+        mechanism.regressor_times(model, y, theta),
+    )
+    h = mechanism.inertia(model, posture, theta)
+    energy = tick.period * dot(d, mechanism.inertia_times(model, h, d))
+    reduction = max(0.0, dot(d, change))
+    time = SLOWNESS * (usual_latency(settings) + tick.period)
+    whole = energy + time * reduction
+    return elementwise(times, along, energy / whole if whole > 0.0 else 0.0)
+
 
 OFF, ON = '', 'delay'
 """Tags of records without and with compensation."""
@@ -129,7 +178,7 @@ COMPENSATIONS = {
         reduced_torque=_reduced_torque,
         error=_measured_error,
         gradient=measured_gradient,
-        horizon=delay_gains.horizon,
+        horizon=delay_prediction.horizon,
         is_on=_always,
         note_skipped=_counted,
     ),

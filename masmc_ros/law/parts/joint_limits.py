@@ -20,6 +20,9 @@ and A is positive definite, so sweeps over the joints converge. A general QP sol
 solution, its own code in each law, and more memory.
 
 Without this choice the compiled code contains none of it: `LIMITS` selects it.
+
+The magnitude and the rate of the commanded torques are limited by `torque_limit` and
+`torque_rate_limit`.
 """
 
 from __future__ import annotations
@@ -34,12 +37,58 @@ from masmc_ros.jit.dispatch import by_tag, interface
 from masmc_ros.jit.field import Field
 from masmc_ros.jit.scratch import scratch
 from masmc_ros.jit.tuples import elementwise, unit
+from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.fields import Memory, Settings
+from masmc_ros.numerics.scalars import limited
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.formula_types import Lengths, MechanismPosture
 import numpy as np
+
+TORQUE_LIMIT = PerEntry(
+    'torque_limit',
+    'joints',
+    'torque_limit',
+    'Limit of the commanded torque',
+    'N·m',
+    note='; 0: no limit',
+)
+
+TORQUE_RATE_LIMIT = PerEntry(
+    'torque_rate_limit',
+    'joints',
+    'torque_rate_limit',
+    'Limit of the rate of the commanded torque',
+    'N·m/s',
+    note='; 0: no limit',
+)
+
+
+@formula
+def within_limits(settings: Settings, raw: Joints, before: Joints) -> Joints:
+    """
+    Return the commanded torques: those of a law within `torque_limit` and `torque_rate_limit`.
+
+    Parameters
+    ----------
+    settings
+        Settings of the law; a limit of 0 does not limit.
+    raw
+        Joint torques (joints) that the law requests in N·m.
+    before
+        Commanded torques (joints) of the last tick in N·m.
+
+    """
+    return elementwise(
+        limited,
+        raw,
+        before,
+        settings.torque_limit,
+        settings.torque_rate_limit,
+        settings.period,
+    )
+
 
 IGNORE, ENFORCE = 'ignore', 'enforce'
 
@@ -52,6 +101,8 @@ CHOICE = Parameter(
 )
 
 PARAMETERS = (
+    TORQUE_LIMIT,
+    TORQUE_RATE_LIMIT,
     CHOICE,
     Parameter(
         'limit_deceleration',

@@ -1,39 +1,94 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Arrays of the messages of a topic: known layouts are read in bulk, others one by one."""
+"""
+Content of a log, and arrays of the messages of a topic.
+
+Known layouts are read in bulk, others one by one.
+"""
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
-from masmc_ros.aliases import Array, Stamps
+from masmc_ros.aliases import Array, Bytes, Flags, Integers, Stamps
 from masmc_ros.errors import InputError
-from masmc_ros.log.read.contents import NO_TIME, Topic
-from masmc_ros.messages import deserialised
-from masmc_ros.messages.cdr_layout import (
-    checked_stamp,
-    END_OF_TIME,
-    Layout,
-    Messages,
-    NANOSECOND_DIGITS,
-    NANOSECONDS,
-    stamps_of,
-)
+from masmc_ros.messages import cdr_layout, deserialised
 from masmc_ros.messages.commands import CommandKind, LabelledCdr
 from masmc_ros.messages.joint_state import FIELDS, joint_state_layout, JointStateCdr
-from masmc_ros.messages.names import JOINTS
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.messages.telemetry import STAMP_NUMBERS, telemetry_layout, TelemetryCdr
+from masmc_ros.messages.topics import JOINTS
 import numpy as np
-from numpy.typing import NDArray
 
-_STAMP_LIMITS = (END_OF_TIME / NANOSECONDS, NANOSECONDS)
+if TYPE_CHECKING:
+    from mcap.records import Schema
+
+
+NO_TIME = -(2**63)
+"""Log time of a message whose time is not known."""
+
+LATEST_TIME = 2**62
+"""Latest log time in ns, of the year 2116: sums fit into 64 bits. Damaged logs have later ones."""
+
+
+@dataclass
+class Topic:
+    """
+    One topic of a log and its messages.
+
+    Attributes
+    ----------
+    name
+        full name.
+    encoding
+        encoding of the messages, `cdr` for ROS 2.
+    schema
+        definition of the messages; None if the log has none.
+    log_times
+        log time of each message in ns.
+    messages
+        received bytes of each message.
+    orders
+        position of each message among all messages of the log.
+
+    """
+
+    name: str
+    encoding: str
+    schema: Schema | None
+    log_times: list[int] = field(default_factory=list)
+    messages: list[bytes] = field(default_factory=list)
+    orders: list[int] = field(default_factory=list)
+
+
+@dataclass
+class LogContents:
+    """
+    Content of a log, in the order of the file.
+
+    Attributes
+    ----------
+    topics
+        topics by name.
+    metadata
+        records of each name.
+    attachments
+        last file of each name.
+
+    """
+
+    topics: dict[str, Topic] = field(default_factory=dict)
+    metadata: dict[str, list[dict[str, str]]] = field(default_factory=dict)
+    attachments: dict[str, bytes] = field(default_factory=dict)
+
+
+_STAMP_LIMITS = (cdr_layout.END_OF_TIME / cdr_layout.NANOSECONDS, cdr_layout.NANOSECONDS)
 """Upper limits of the seconds and nanoseconds of a stamp."""
 
 
@@ -57,8 +112,8 @@ class Series:
 
     stamps: Stamps
     values: Array
-    orders: NDArray[np.int64] | None = None
-    is_void: NDArray[np.bool_] | None = None
+    orders: Integers | None = None
+    is_void: Flags | None = None
 
     def __len__(self) -> int:
         """Return the number of stamps."""
@@ -67,7 +122,7 @@ class Series:
     @cached_property
     def times(self) -> Array:
         """Return the stamps (n) in s."""
-        return self.stamps / NANOSECONDS
+        return self.stamps / cdr_layout.NANOSECONDS
 
 
 @dataclass
@@ -93,8 +148,8 @@ class MessageFormat:
     """
 
     width: int
-    layout: Layout | Callable[[bytes], Layout | None]
-    bulk: Callable[[Messages], tuple[Stamps, Array, NDArray[np.bool_] | bool]]
+    layout: cdr_layout.Layout | Callable[[bytes], cdr_layout.Layout | None]
+    bulk: Callable[[cdr_layout.Messages], tuple[Stamps, Array, Flags | bool]]
     single: Callable[[Any, int], tuple[int, Array]]
     marks_void: bool = False
 
@@ -154,7 +209,7 @@ def decode_topic(topic: Topic, kind: MessageFormat) -> Series:
             topic.messages if isinstance(members, slice) else [topic.messages[i] for i in members]
         )
         stamps[members], values[members], has_stamp = kind.bulk(messages)
-        in_time = (stamps[members] >= 0) & (stamps[members] < END_OF_TIME)
+        in_time = (stamps[members] >= 0) & (stamps[members] < cdr_layout.END_OF_TIME)
         usable[members] = matching & has_stamp & in_time
     others = np.flatnonzero(~usable).tolist()
     make = message_decoder(topic) if others else None
@@ -163,7 +218,7 @@ def decode_topic(topic: Topic, kind: MessageFormat) -> Series:
         assert make is not None
         try:
             stamp, values[index] = kind.single(make(topic.messages[index]), topic.log_times[index])
-            stamps[index] = checked_stamp(stamp)
+            stamps[index] = cdr_layout.checked_stamp(stamp)
             usable[index] = True
         except InputError as error:
             first_error = first_error or error
@@ -181,15 +236,15 @@ def decode_topic(topic: Topic, kind: MessageFormat) -> Series:
 
 def _by_layout(
     messages: Sequence[bytes], kind: MessageFormat
-) -> Iterable[tuple[Layout, list[int] | slice]]:
+) -> Iterable[tuple[cdr_layout.Layout, list[int] | slice]]:
     """Return the layouts of messages with the indices of those of their size."""
-    if isinstance(kind.layout, Layout):
+    if isinstance(kind.layout, cdr_layout.Layout):
         size = kind.layout.size
         if set(map(len, messages)) == {size}:
             return [(kind.layout, slice(None))]
         members = [index for index, raw in enumerate(messages) if len(raw) == size]
         return [(kind.layout, members)] if members else []
-    groups: dict[Layout, list[int]] = defaultdict(list)
+    groups: dict[cdr_layout.Layout, list[int]] = defaultdict(list)
     latest = None
     for index, raw in enumerate(messages):
         layout = kind.layout(raw)
@@ -212,9 +267,9 @@ def joint_states(
     """
     message, layout = JointStateCdr(names), joint_state_layout(names)
 
-    def bulk(states: Messages) -> tuple[Stamps, Array, bool]:
+    def bulk(states: cdr_layout.Messages) -> tuple[Stamps, Array, bool]:
         numbers = np.hstack([states[field] for field in FIELDS])
-        return stamps_of(states['header_stamp']), numbers, True
+        return cdr_layout.stamps_of(states['header_stamp']), numbers, True
 
     def single(received: deserialised.JointState, _: int) -> tuple[int, Array]:
         message.load_message(received, joints, unknown_velocity=np.nan)
@@ -227,10 +282,10 @@ def commands(kind: CommandKind) -> MessageFormat:
     """Return the format of commands, one number per joint; without a label, log time is used."""
     message, joints = LabelledCdr(kind), len(kind.joints)
 
-    def layout(raw: bytes) -> Layout | None:
+    def layout(raw: bytes) -> cdr_layout.Layout | None:
         return kind.layout_of(raw)
 
-    def bulk(messages: Messages) -> tuple[Stamps, Array, NDArray[np.bool_]]:
+    def bulk(messages: cdr_layout.Messages) -> tuple[Stamps, Array, Flags]:
         stamps, has_digits = _label_stamps(messages['layout_dim_0_label'])
         is_void = messages['layout_data_offset'] == joints
         return stamps, np.column_stack([messages['data'], is_void]), has_digits
@@ -243,9 +298,9 @@ def commands(kind: CommandKind) -> MessageFormat:
     return MessageFormat(joints + 1, layout, bulk, single, marks_void=True)
 
 
-def _label_stamps(characters: NDArray[np.uint8]) -> tuple[Stamps, NDArray[np.bool_]]:
+def _label_stamps(characters: Bytes) -> tuple[Stamps, Flags]:
     """Return the stamps in ns in labels, and which labels have nine digits of nanoseconds."""
-    point = characters.shape[1] - NANOSECOND_DIGITS - 1
+    point = characters.shape[1] - cdr_layout.NANOSECOND_DIGITS - 1
     if point <= 0:
         return np.zeros(len(characters), np.int64), np.zeros(len(characters), bool)
     digits = np.delete(characters, point, axis=1).astype(np.int64) - ord('0')
@@ -257,12 +312,12 @@ def telemetry(label: str, count: int) -> MessageFormat:
     """Return the format of telemetry: `count` values called `label`."""
     message, layout = TelemetryCdr(label, count), telemetry_layout(label, count)
 
-    def bulk(messages: Messages) -> tuple[Stamps, Array, NDArray[np.bool_]]:
+    def bulk(messages: cdr_layout.Messages) -> tuple[Stamps, Array, Flags]:
         head, values = np.split(messages['data'], [STAMP_NUMBERS], axis=1)
         # False for NaN, too.
         usable = np.all((head >= 0.0) & (head < _STAMP_LIMITS), axis=1, keepdims=True)
         seconds, nanoseconds = np.where(usable, head, 0.0).astype(np.int64).T
-        return seconds * NANOSECONDS + nanoseconds, values, usable[:, 0]
+        return seconds * cdr_layout.NANOSECONDS + nanoseconds, values, usable[:, 0]
 
     def single(received: deserialised.Float64MultiArray, _: int) -> tuple[int, Array]:
         message.load_message(received)

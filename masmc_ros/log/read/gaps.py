@@ -10,13 +10,12 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
+from masmc_ros.aliases import Integers, Stamps
 from masmc_ros.errors import InputError
 from masmc_ros.messages.cdr_layout import NANOSECONDS
-from masmc_ros.messages.names import STATE_TOPIC
-from masmc_ros.messages.stamp_order import in_time
-from masmc_ros.messages.stamps import header_stamp
+from masmc_ros.messages.stamps import header_stamp, in_time
+from masmc_ros.messages.topics import STATE_TOPIC
 import numpy as np
-from numpy.typing import NDArray
 
 MISSING = 'missing_messages'
 """Metadata record: description of the gaps of each topic that has any."""
@@ -73,7 +72,7 @@ class Gaps:
             self._count(np.array(stamps[: taken + 1], np.int64))
             del stamps[:taken], self._waiting[:taken]
 
-    def _count(self, stamps: NDArray[np.int64]) -> None:
+    def _count(self, stamps: Stamps) -> None:
         steps = np.diff(stamps)
         # A reset of the robot and a repeated message are no gaps.
         forward = steps[steps > 0]
@@ -108,7 +107,7 @@ def _cut(stamps: Sequence[int], end: int) -> int:
     return end
 
 
-def _in_order(stamps: NDArray[np.int64], late: int) -> NDArray[np.int64]:
+def _in_order(stamps: Stamps, late: int) -> Integers:
     """Return stamps with late ones, by at most `late` ns, in their places."""
     kept = in_time(stamps, late)
     starts = np.zeros(len(stamps), np.int64)
@@ -117,7 +116,7 @@ def _in_order(stamps: NDArray[np.int64], late: int) -> NDArray[np.int64]:
     return stamps[np.lexsort((stamps, np.cumsum(starts)))]
 
 
-def gaps_in(stamps: Sequence[int] | NDArray[np.int64]) -> Gaps:
+def gaps_in(stamps: Sequence[int] | Stamps) -> Gaps:
     """Return the gaps among stamps in ns, in the order of arrival."""
     gaps = Gaps()
     gaps._waiting += np.asarray(stamps, np.int64).tolist()

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import json
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.read.contents import LogContents
+from masmc_ros.log.read.decode import LogContents
 from masmc_ros.log.read.timeline import PassStart
 from masmc_ros.log.write.provenance import CHANGES, PARAMETERS
 from masmc_ros.messages.parameter_record import parameter_values, ParameterRecord, record_of

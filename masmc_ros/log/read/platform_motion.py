@@ -13,8 +13,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.read.contents import NO_TIME, Topic
-from masmc_ros.log.read.decode import message_decoder, Series
+from masmc_ros.log.read.decode import message_decoder, NO_TIME, Series, Topic
 from masmc_ros.log.read.timeline import PassStart
 from masmc_ros.messages.cdr_layout import checked_stamp
 from masmc_ros.messages.platform_messages import (

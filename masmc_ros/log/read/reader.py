@@ -18,29 +18,36 @@ from masmc_ros.jit.field import ONE
 from masmc_ros.law.command_interface import COMMAND_INTERFACE, COMMAND_INTERFACES, HYBRID
 from masmc_ros.log.bag import METADATA_FILE
 from masmc_ros.log.read import decode
-from masmc_ros.log.read.contents import LogContents, NO_TIME, Topic
-from masmc_ros.log.read.message_order import align_log_times, sort_by_log_time
+from masmc_ros.log.read.decode import LogContents, NO_TIME, Topic
 from masmc_ros.log.read.parameter_history import parameter_history
 from masmc_ros.log.read.platform_motion import twists, with_platform_pose
-from masmc_ros.log.read.timeline import last_pass_in_order, PassStart, sample_reference
+from masmc_ros.log.read.timeline import (
+    align_log_times,
+    last_pass_in_order,
+    PassStart,
+    sample_reference,
+    sort_by_log_time,
+)
 from masmc_ros.loop.signals import CONTACT, PUBLISHED, Signal
 from masmc_ros.loop.timing import PACING
-from masmc_ros.messages import names as message_names
+from masmc_ros.messages import topics as message_names
 from masmc_ros.messages.cdr_layout import NANOSECONDS
 from masmc_ros.messages.commands import ARM_VELOCITY, EFFORT
+from masmc_ros.messages.message import text_of
 from masmc_ros.messages.parameter_record import ParameterRecord
-from masmc_ros.messages.stamp_order import in_time, state_timeout
-from masmc_ros.messages.std_msgs import text_of
+from masmc_ros.messages.stamps import in_time, state_timeout
 from masmc_ros.messages.telemetry import telemetry_count
 from masmc_ros.messages.topics import FLOAT_ARRAY, ODOMETRY, STRING, TOPICS, TWIST, TWIST_STAMPED
 from masmc_ros.params.declaration import MutableValues, Values
 from masmc_ros.robot.declaration import Mechanism, Quantity, URDF
-from masmc_ros.robot.joint_names import (
+from masmc_ros.robot.mechanisms import (
+    DEFAULT,
     joint_names_of,
     JOINT_NAMES_PARAMETER,
     joint_names_parameter,
+    load,
+    mechanism_from,
 )
-from masmc_ros.robot.mechanisms import DEFAULT, load, mechanism_from
 from masmc_ros.robot.mechanisms import NAME as MECHANISM
 import numpy as np
 

@@ -11,9 +11,9 @@ from pathlib import Path
 import struct
 
 from masmc_ros.errors import InputError
+from masmc_ros.log import codec
 from masmc_ros.log.bag import part_names, REPEATED
-from masmc_ros.log.mcap import codec
-from masmc_ros.log.read.contents import LATEST_TIME, LogContents, Topic
+from masmc_ros.log.read.decode import LATEST_TIME, LogContents, Topic
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
 

@@ -1,20 +1,28 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Time line of a run: the pass after the last reset, and the reference at each stamp."""
+"""
+Time line of a run: the pass after the last reset, the order of messages, and the reference.
+
+Messages without a stamp get the robot's time from their place in the order.
+"""
 
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from typing import cast, NamedTuple
 
-from masmc_ros.aliases import Array, Stamps
+from masmc_ros.aliases import Array, Flags, Indices, Integers, Stamps
+from masmc_ros.errors import InputError
+from masmc_ros.log.read.decode import LogContents, NO_TIME, Series, Topic
 from masmc_ros.messages.cdr_layout import NANOSECONDS
-from masmc_ros.messages.names import DERIVATIVES, TASK_AXES
 from masmc_ros.messages.reference_window import ReferenceWindow
+from masmc_ros.messages.stamps import header_stamp
+from masmc_ros.messages.topics import DERIVATIVES, TASK_AXES
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 _TOLERANCE = 1
 """Stamps that differ by this many ns are the same time, rounded in two ways."""
@@ -77,7 +85,7 @@ def resets(stamps: Stamps) -> list[int]:
     return places
 
 
-def last_pass_in_order(stamps: Stamps) -> NDArray[np.intp]:
+def last_pass_in_order(stamps: Stamps) -> Indices:
     """
     Return the places of the valid `stamps` (n), as `last_pass`, in the order of time.
 
@@ -88,11 +96,11 @@ def last_pass_in_order(stamps: Stamps) -> NDArray[np.intp]:
     starts = np.zeros(len(stamps), np.int64)
     starts[resets(stamps)] = 1
     order = np.lexsort((stamps, np.cumsum(starts)))
-    places: NDArray[np.intp] = order[last_pass(stamps[order])]
+    places: Indices = order[last_pass(stamps[order])]
     return places
 
 
-def last_pass(stamps: Stamps) -> NDArray[np.intp]:
+def last_pass(stamps: Stamps) -> Indices:
     """
     Return the places of those `stamps` (n), in the order of arrival, that are valid at the end.
 
@@ -149,12 +157,12 @@ class PassStart:
         distances = ticks + np.abs(self._orders - order)
         return bool(distances[self._first:].min() < distances[:self._first].min())
 
-    def kept(self, orders: NDArray[np.int64], stamps: Stamps) -> NDArray[np.intp]:
+    def kept(self, orders: Integers, stamps: Stamps) -> Indices:
         """Return the indices of the records (n) of a topic that are valid and of its last pass."""
         valid = np.flatnonzero(self.are_valid(orders, stamps))
         return valid[last_pass_in_order(stamps[valid])]
 
-    def are_valid(self, orders: NDArray[np.int64], stamps: Stamps) -> NDArray[np.bool_]:
+    def are_valid(self, orders: Integers, stamps: Stamps) -> Flags:
         """
         Return which records (n) of a topic the reset did not make void.
 
@@ -279,3 +287,120 @@ def _between(first: Array, second: Array, period: Array, part: Array) -> Array:
     samples = [np.moveaxis(sample, 1, 0).copy() for sample in (first, second)]
     plain = cast(Formula, quintic).py_func
     return np.stack(plain(*samples, period[:, None], part[:, None]), axis=1)
+
+
+_OTHER_CLOCK = NANOSECONDS // 10
+"""Difference in ns between log time and stamp from which a report mentions two clocks."""
+
+
+def sort_by_log_time(contents: LogContents, states: Topic) -> None:
+    """
+    Put the messages of a log into the order of their log times.
+
+    A recorder that compresses in several threads, or a program that merges or converts files,
+    may write them in another order. If log times are the robot's time, which a reset sets back,
+    the order in the file is that of arrival: it remains.
+
+    Parameters
+    ----------
+    contents
+        the log, whose topics are changed.
+    states
+        topic of the joint states.
+
+    """
+    topics = [topic for topic in contents.topics.values() if topic.messages]
+    orders = np.concatenate([topic.orders for topic in topics]).astype(np.int64)
+    log_times = np.empty(len(orders), np.int64)
+    log_times[orders] = np.concatenate([np.array(t.log_times, np.int64) for t in topics])
+    if (np.diff(log_times) >= 0).all() or _has_robot_time(states):
+        return
+    ranks = np.empty(len(orders), np.int64)
+    ranks[np.argsort(log_times, kind='stable')] = np.arange(len(orders))
+    for topic in topics:
+        places = ranks[topic.orders]
+        topic.orders = np.sort(places).tolist()
+        sequence = np.argsort(places).tolist()
+        topic.log_times = [topic.log_times[index] for index in sequence]
+        topic.messages = [topic.messages[index] for index in sequence]
+
+
+def _has_robot_time(states: Topic) -> bool:
+    """Return True if log times are the stamps, or if a reset sets them back as well."""
+    stamps, log_times = [], []
+    for raw, log_time in zip(states.messages, states.log_times, strict=True):
+        with suppress(InputError):
+            stamps.append(header_stamp(raw))
+            log_times.append(log_time)
+    clock, logged = np.array(stamps, np.int64), np.array(log_times, np.int64)
+    if np.mean(clock == logged) > 0.5:
+        return True
+    starts = np.array(resets(clock), np.int64)
+    return bool(len(starts)) and bool((logged[starts] < logged[starts - 1]).all())
+
+
+def align_log_times(contents: LogContents, states: Topic, decoded: Series) -> list[str]:
+    """
+    Replace log times by the robot's time if they are times of another clock, or of arrival.
+
+    A bag that was recorded next to a simulator has stamps in simulation time and log times of
+    the wall clock. The states have both: between two states, the robot's time of a message
+    follows by linear interpolation.
+
+    Parameters
+    ----------
+    contents
+        the log, whose topics are changed.
+    states
+        topic of the joint states.
+    decoded
+        its usable states of the last pass, whose stamps ascend.
+
+    Returns
+    -------
+        A sentence about the clocks; empty if they are the same.
+
+    Raises
+    ------
+    InputError
+        if log times of all states are equal.
+
+    """
+    assert decoded.orders is not None
+    at = np.searchsorted(np.array(states.orders, np.int64), decoded.orders)
+    logged, stamps = np.array(states.log_times, np.int64)[at], decoded.stamps
+    if (logged == stamps).all():
+        return []
+    offset = int(np.median(logged - stamps))
+    seconds = abs(offset) / NANOSECONDS
+    relation = 'after' if offset > 0 else 'before'
+    text = f'Log times are {seconds:.3f} s {relation} the stamps of the states (median)'
+    rising = np.flatnonzero(np.diff(np.maximum.accumulate(logged), prepend=logged[0] - 1) > 0)
+    is_constant = len(rising) < 2
+    for topic in contents.topics.values():
+        if topic is not states and topic.messages:
+            if is_constant:
+                topic.log_times = [NO_TIME] * len(topic.log_times)
+            else:
+                topic.log_times = _robot_times(topic.log_times, logged[rising], stamps[rising])
+    if is_constant:
+        return [f'{text}, and equal for all states: messages without a stamp are not used.']
+    if abs(offset) < _OTHER_CLOCK:
+        return []
+    return [f'{text}: messages without a stamp have the time of the states around them.']
+
+
+def _robot_times(
+    log_times: Sequence[int], logged: Integers, stamps: Stamps
+) -> list[int]:
+    """Interpolate log times; outside of the states, the offset is that of the next state."""
+    times = np.array(log_times, np.int64)
+    # Differences are exact in doubles, times since 1970 in ns are not.
+    inside = np.interp(
+        (times - logged[0]).astype(np.float64),
+        (logged - logged[0]).astype(np.float64),
+        (stamps - stamps[0]).astype(np.float64),
+    )
+    beyond = np.minimum(times - logged[0], 0) + np.maximum(times - logged[-1], 0)
+    aligned: list[int] = (np.rint(inside).astype(np.int64) + stamps[0] + beyond).tolist()
+    return aligned

@@ -18,17 +18,10 @@ import threading
 import time
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.bag import (
-    METADATA_FILE,
-    Part,
-    RecordedTopic,
-    REPEATED,
-    write_bag_metadata,
-)
-from masmc_ros.log.mcap.chunks import arrived_records, Message, MessageRecords
-from masmc_ros.log.offered_qos import Qos
+from masmc_ros.log.bag import METADATA_FILE, Part, Qos, RecordedTopic, REPEATED, write_bag_metadata
+from masmc_ros.log.codec import arrived_records, Message, MessageRecords
 from masmc_ros.log.write.writer import LogWriter
-from masmc_ros.messages.definitions import Definition
+from masmc_ros.messages.cdr_layout import Definition
 import numpy as np
 
 _TURN = 0.02

@@ -10,9 +10,10 @@ from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
+from masmc_ros.aliases import Bytes, Indices, Integers, Stamps
 from masmc_ros.law.command_interface import ENABLE_STAMPED_CMD_VEL
-from masmc_ros.log.mcap.chunks import ChannelRows
-from masmc_ros.log.offered_qos import Qos
+from masmc_ros.log.bag import Qos
+from masmc_ros.log.codec import ChannelRows
 from masmc_ros.log.recorder_parameters import COMPRESSION
 from masmc_ros.log.traced_paths import ActualPath, DesiredPath
 from masmc_ros.log.write.provenance import write_origin, write_parameters
@@ -23,22 +24,20 @@ from masmc_ros.loop.signals import PUBLISHED
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.tick_block import Change, TickBlock
 from masmc_ros.loop.trajectory_parameters import WINDOW
-from masmc_ros.messages import names as message_names
 from masmc_ros.messages import platform_messages, topics
 from masmc_ros.messages.cdr_layout import Messages
 from masmc_ros.messages.commands import ARM_VELOCITY, EFFORT
 from masmc_ros.messages.joint_state import joint_state_layout
+from masmc_ros.messages.message import string_message
 from masmc_ros.messages.parameter_record import ParameterRecord
 from masmc_ros.messages.reference_window import ReferenceWindow
-from masmc_ros.messages.std_msgs import string_message
 from masmc_ros.messages.telemetry import telemetry_messages
 from masmc_ros.messages.transforms import transforms_messages
-from masmc_ros.robot.joint_names import check_frame_prefix, FRAME_PREFIX, joint_names
+from masmc_ros.robot.mechanisms import check_frame_prefix, FRAME_PREFIX, joint_names
 from masmc_ros.robot.robot import robot_description, robot_of
 import numpy as np
-from numpy.typing import NDArray
 
-_Rows = tuple[str, NDArray[np.int64], Messages | NDArray[np.uint8]]
+_Rows = tuple[str, Integers, Messages | Bytes]
 """Topic, stamps (n) in ns, and its messages at these times."""
 
 
@@ -46,8 +45,8 @@ class _Block(NamedTuple):
     """Consecutive ticks: their signals, numbers (n), and stamps (n) in ns."""
 
     tick_block: TickBlock
-    ticks: NDArray[np.int64]
-    stamps: NDArray[np.int64]
+    ticks: Integers
+    stamps: Stamps
 
 
 class SimulationLog:
@@ -102,18 +101,18 @@ class SimulationLog:
         types = {topic.name: topic.type_name for topic in topics.TOPICS}
         latched = {topic.name for topic in topics.TOPICS if topic.is_latched}
         if self._is_stamped:
-            types[message_names.CMD_VEL_TOPIC] = topics.TWIST_STAMPED
+            types[topics.CMD_VEL_TOPIC] = topics.TWIST_STAMPED
         if simulation.controller.commands_rates:
-            unused = [message_names.COMMAND_TOPIC]
-            unused += [message_names.telemetry_topic(s.label) for s in PUBLISHED if s.of_torques]
+            unused = [topics.COMMAND_TOPIC]
+            unused += [topics.telemetry_topic(s.label) for s in PUBLISHED if s.of_torques]
         else:
-            unused = [message_names.ARM_VELOCITY_TOPIC]
+            unused = [topics.ARM_VELOCITY_TOPIC]
             if not simulation.controller.is_hybrid:
-                unused.append(message_names.CMD_VEL_TOPIC)
+                unused.append(topics.CMD_VEL_TOPIC)
         if simulation.controller.by_velocity.any() or not self._mechanism.sharing_drives:
-            unused.append(message_names.SHARED_TOPIC)
+            unused.append(topics.SHARED_TOPIC)
         if not len(simulation.plant.contact):
-            unused.append(message_names.CONTACT_TOPIC)
+            unused.append(topics.CONTACT_TOPIC)
         self._channels = {
             name: self._writer.channel(
                 f'/{name.lstrip("/")}',
@@ -131,9 +130,9 @@ class SimulationLog:
         for node in topics.PARAMETER_NODES:
             self._write_record(ParameterRecord(f'/{node}', 0, 0, dict(self._scenario[node]), ()))
         urdf = string_message(self._description)
-        self._writer.write(self._channels[message_names.DESCRIPTION_TOPIC], 0, urdf)
+        self._writer.write(self._channels[topics.DESCRIPTION_TOPIC], 0, urdf)
         if self._desired is not None:
-            channel = self._channels[message_names.DESIRED_PATH_TOPIC]
+            channel = self._channels[topics.DESIRED_PATH_TOPIC]
             self._writer.write(channel, 0, self._desired)
         return self
 
@@ -187,7 +186,7 @@ class SimulationLog:
         tick_block = block.tick_block
         effort = np.zeros_like(tick_block.position)
         effort[:, len(self._mechanism.base):] = tick_block.applied
-        yield message_names.STATE_TOPIC, block.stamps, joint_state_layout(self._joints).messages(
+        yield topics.STATE_TOPIC, block.stamps, joint_state_layout(self._joints).messages(
             header_stamp=block.stamps,
             position=tick_block.position,
             velocity=tick_block.velocity,
@@ -202,11 +201,11 @@ class SimulationLog:
             first = own if controller.is_hybrid else 0
             torques, is_void = tick_block.torque[:, first:], tick_block.is_void
             for group in EFFORT.named(driven[first:]).messages(stamps, torques, is_void):
-                yield message_names.COMMAND_TOPIC, stamps[group.indices], group.messages
-        if message_names.SHARED_TOPIC in self._channels:
+                yield topics.COMMAND_TOPIC, stamps[group.indices], group.messages
+        if topics.SHARED_TOPIC in self._channels:
             shared = mechanism.shared_torques(np.where(is_void[:, None], 0.0, tick_block.torque))
             for group in EFFORT.named(mechanism.sharing_drives).messages(stamps, shared, is_void):
-                yield message_names.SHARED_TOPIC, stamps[group.indices], group.messages
+                yield topics.SHARED_TOPIC, stamps[group.indices], group.messages
         if not controller.by_velocity.any():
             return
         rates = np.zeros((len(stamps), 6))
@@ -217,11 +216,11 @@ class SimulationLog:
             twists = layout.messages(header_stamp=stamps, twist=rates)
         else:
             twists = platform_messages.twist_layout().messages(numbers=rates)
-        yield message_names.CMD_VEL_TOPIC, stamps, twists
+        yield topics.CMD_VEL_TOPIC, stamps, twists
         if controller.is_hybrid:
             return
         for group in ARM_VELOCITY.named(driven[own:]).messages(stamps, tick_block.rates[:, own:]):
-            yield message_names.ARM_VELOCITY_TOPIC, stamps[group.indices], group.messages
+            yield topics.ARM_VELOCITY_TOPIC, stamps[group.indices], group.messages
 
     def _telemetry(self, block: _Block) -> Iterator[_Rows]:
         decimation = TELEMETRY_DECIMATION.of(self._scenario.controller)
@@ -229,7 +228,7 @@ class SimulationLog:
             rows = (block.ticks % decimation == 0) & block.tick_block.active
             stamps = block.stamps[rows]
             for signal in PUBLISHED:
-                topic = message_names.telemetry_topic(signal.label)
+                topic = topics.telemetry_topic(signal.label)
                 if topic in self._channels:
                     values = getattr(block.tick_block, signal.name)[rows]
                     yield topic, stamps, telemetry_messages(signal.label, stamps, values)
@@ -245,13 +244,13 @@ class SimulationLog:
             header_stamp=stamps, pose_pose=pose, twist_twist=velocity
         )
         yield 'base_twist', stamps, platform_messages.twist_layout().messages(numbers=velocity)
-        topic, label = message_names.CONTACT_TOPIC, message_names.CONTACT_LABEL
+        topic, label = topics.CONTACT_TOPIC, topics.CONTACT_LABEL
         if topic in self._channels:
             yield topic, stamps, telemetry_messages(label, stamps, tick_block.contact[rows])
 
     def _clock(self, block: _Block) -> Iterator[_Rows]:
         stamps = block.stamps[self._rows(block, 'clock')]
-        yield message_names.CLOCK_TOPIC, stamps, platform_messages.time_layout().messages(
+        yield topics.CLOCK_TOPIC, stamps, platform_messages.time_layout().messages(
             clock=stamps
         )
 
@@ -267,9 +266,9 @@ class SimulationLog:
             if self._actual.takes(tick):
                 raw = self._actual.add(tick, block.tick_block.position[row])
                 if raw is not None:
-                    yield message_names.ACTUAL_PATH_TOPIC, block.stamps[row:row + 1], _one_row(raw)
+                    yield topics.ACTUAL_PATH_TOPIC, block.stamps[row:row + 1], _one_row(raw)
 
-    def _rows(self, block: _Block, topic: str) -> NDArray[np.intp]:
+    def _rows(self, block: _Block, topic: str) -> Indices:
         """Return the ticks of a decimated topic of the plant: multiples, and the last one."""
         decimation = self._scenario.plant[f'{topic}_decimation']
         if not decimation:
@@ -284,9 +283,9 @@ class SimulationLog:
         for first in range(0, len(stamps), length):
             samples = block.tick_block.reference[first:first + length]
             raw = ReferenceWindow(int(stamps[first]), period, samples).to_bytes()
-            yield message_names.REFERENCE_TOPIC, stamps[first:first + 1], _one_row(raw)
+            yield topics.REFERENCE_TOPIC, stamps[first:first + 1], _one_row(raw)
 
 
-def _one_row(message: bytes) -> NDArray[np.uint8]:
+def _one_row(message: bytes) -> Bytes:
     """Return a message as the only row (1, size) of an array."""
     return np.frombuffer(message, dtype=np.uint8)[None]

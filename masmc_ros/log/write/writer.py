@@ -16,12 +16,11 @@ import os
 from pathlib import Path
 
 from masmc_ros.errors import InputError, suggestion
-from masmc_ros.log.mcap import chunks
-from masmc_ros.log.mcap.codec import packed
-from masmc_ros.log.mcap.record_stream import RecordStream
-from masmc_ros.log.offered_qos import Qos
-from masmc_ros.messages.definitions import Definition, definition
-from masmc_ros.output_files import WholeFile
+from masmc_ros.files import WholeFile
+from masmc_ros.log import codec
+from masmc_ros.log.bag import Qos
+from masmc_ros.log.codec import packed, RecordStream
+from masmc_ros.messages.cdr_layout import Definition, definition
 from mcap.records import Attachment, Channel, Metadata, Schema, Statistics
 from mcap.well_known import MessageEncoding, SchemaEncoding
 
@@ -133,8 +132,8 @@ class LogWriter:
             if the file cannot be written; nothing is written then.
 
         """
-        if compression not in chunks.COMPRESSIONS:
-            hint = suggestion(compression, chunks.COMPRESSIONS)
+        if compression not in codec.COMPRESSIONS:
+            hint = suggestion(compression, codec.COMPRESSIONS)
             raise InputError(f"compression '{compression}' is unknown: {hint}")
         self.path = Path(path)
         check_log_path(self.path)
@@ -149,7 +148,7 @@ class LogWriter:
         self._compression = compression
         self._records = RecordStream(self._sink.write)
         self._records.start()
-        self._chunk = chunks.OpenChunk()
+        self._chunk = codec.OpenChunk()
         self._schemas: dict[str, int] = {}
 
     def channel(
@@ -204,9 +203,9 @@ class LogWriter:
 
         Raises OverflowError for a time that is not an int64, before anything is written.
         """
-        self.write_records(chunks.arrived_records([(channel, time_ns, data)]), 0, 1)
+        self.write_records(codec.arrived_records([(channel, time_ns, data)]), 0, 1)
 
-    def write_rows(self, sources: Sequence[chunks.ChannelRows]) -> None:
+    def write_rows(self, sources: Sequence[codec.ChannelRows]) -> None:
         """
         Write many messages, merged in the order of their times.
 
@@ -215,11 +214,11 @@ class LogWriter:
         """
         sources = [source for source in sources if len(source.times)]
         if sources:
-            merged, first = chunks.merged_records(sources), 0
+            merged, first = codec.merged_records(sources), 0
             while first < len(merged.times):
                 first = self.write_records(merged, first, len(merged.times))
 
-    def write_records(self, messages: chunks.MessageRecords, first: int, stop: int) -> int:
+    def write_records(self, messages: codec.MessageRecords, first: int, stop: int) -> int:
         """Write messages from `first` to before `stop` or a chunk's end; return the next one."""
         first = self._chunk.add_messages(messages, first, stop, self._limit)
         self._end_full_chunk()
@@ -235,7 +234,7 @@ class LogWriter:
         """Write the open chunk; definitions without messages wait for the first message."""
         chunk = self._chunk
         if chunk.indexes:
-            self._chunk = chunks.OpenChunk()
+            self._chunk = codec.OpenChunk()
             self._records.add_chunk(chunk.close(self._compression), chunk.indexes)
 
     def attach(self, name: str, media_type: str, data: bytes, time_ns: int = 0) -> None:

@@ -10,10 +10,10 @@ import math
 import time
 
 from masmc_ros.control.controller_core import ControllerCore
-from masmc_ros.control.state_gate import outdated_latency
+from masmc_ros.control.gates import outdated_latency
 from masmc_ros.loop.controller import Controller
 from masmc_ros.nodes.controller.output import CommandOutput
-from masmc_ros.nodes.process.diagnostics import ERROR, Health, OK, RejectedMessages, senders, WARN
+from masmc_ros.nodes.process.base import ERROR, Health, OK, RejectedMessages, senders, WARN
 import numpy as np
 from rclpy.clock import Clock, ROSClock
 from rclpy.node import Node

@@ -10,26 +10,27 @@ import math
 import time
 
 from masmc_ros.aliases import Array
-from masmc_ros.control.state_gate import StateSources
+from masmc_ros.control.gates import StateSources
 from masmc_ros.errors import InputError
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES, VELOCITY_SOURCE
 from masmc_ros.loop.controller_parameters import POSE_FRAME, POSE_SOURCE
 from masmc_ros.messages.cdr_layout import checked_stamp, UNREAD
 from masmc_ros.messages.joint_state import JointStateCdr
-from masmc_ros.messages.names import REFERENCE_TOPIC
 from masmc_ros.messages.platform_messages import odometry_numbers
 from masmc_ros.messages.reference_window import ReferenceWindow
-from masmc_ros.messages.topics import TRANSFORMS
+from masmc_ros.messages.topics import REFERENCE_TOPIC, TRANSFORMS
 from masmc_ros.messages.transforms import transforms_of
-from masmc_ros.nodes.middleware.messages import deserialized
-from masmc_ros.nodes.middleware.past import subscribe_with_past
-from masmc_ros.nodes.middleware.qos import subscription_qos
-from masmc_ros.nodes.middleware.raw_types import raw_class
-from masmc_ros.nodes.process.diagnostics import RejectedMessages, senders_text, several_senders
+from masmc_ros.nodes.middleware.ros_topics import (
+    deserialized,
+    raw_class,
+    subscribe_with_past,
+    subscription_qos,
+)
+from masmc_ros.nodes.process.base import RejectedMessages, senders_text, several_senders
 from masmc_ros.params.declaration import Values
 from masmc_ros.robot.base_pose import BasePose, OLDEST_POSE_NS
 from masmc_ros.robot.dead_reckoning import DeadReckoning
-from masmc_ros.robot.joint_names import driven_joint_names, joint_names
+from masmc_ros.robot.mechanisms import driven_joint_names, joint_names
 from masmc_ros.robot.robot import Robot
 from nav_msgs.msg import Odometry
 from rclpy.node import Node

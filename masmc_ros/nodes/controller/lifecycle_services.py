@@ -14,14 +14,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from lifecycle_msgs.msg import State, Transition, TransitionDescription, TransitionEvent
-from lifecycle_msgs.srv import (
-    ChangeState,
-    GetAvailableStates,
-    GetAvailableTransitions,
-    GetState,
-)
-from masmc_ros.control import lifecycle
-from masmc_ros.control.lifecycle import LifecycleState, STATES, TRANSITIONS, transitions_from
+from lifecycle_msgs.srv import ChangeState, GetAvailableStates, GetAvailableTransitions, GetState
+from masmc_ros.control import supervisor
+from masmc_ros.control.supervisor import LifecycleState, STATES, TRANSITIONS, transitions_from
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 
@@ -112,7 +107,7 @@ def _state(state: LifecycleState) -> State:
     return State(id=state.number, label=state.label)
 
 
-def _description(transition: lifecycle.Transition) -> TransitionDescription:
+def _description(transition: supervisor.Transition) -> TransitionDescription:
     return TransitionDescription(
         transition=Transition(id=transition.number, label=transition.label),
         start_state=_state(transition.start),

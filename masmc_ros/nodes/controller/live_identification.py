@@ -18,14 +18,7 @@ from threading import Thread
 
 from geometry_msgs.msg import InertiaStamped
 from masmc_ros.aliases import Array
-from masmc_ros.identification.effort_echo import (
-    compile_echo,
-    echo_text,
-    EchoBuffer,
-    fit_echo,
-    wrong_latency,
-)
-from masmc_ros.identification.latency_fit import LatencyFit
+from masmc_ros.identification import latency_fit
 from masmc_ros.identification.live_payload import (
     Block,
     BlockBuffer,
@@ -33,16 +26,16 @@ from masmc_ros.identification.live_payload import (
     PayloadEstimate,
     PayloadEstimator,
 )
-from masmc_ros.identification.nominal import nominal_of
+from masmc_ros.identification.parameter_file import nominal_of
 from masmc_ros.law.parts.delay_fields import LATENCY, MOTOR_LAG
 from masmc_ros.law.parts.model import MODEL_SCALE, PAYLOAD_MASS
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES, VELOCITY_SOURCE
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.controller_parameters import ESTIMATION_TIME
 from masmc_ros.messages.cdr_layout import NANOSECONDS
-from masmc_ros.messages.names import PAYLOAD_TOPIC
+from masmc_ros.messages.topics import PAYLOAD_TOPIC
 from masmc_ros.params.declaration import Values
-from masmc_ros.robot.joint_names import FRAME_PREFIX
+from masmc_ros.robot.mechanisms import FRAME_PREFIX
 from rclpy.clock import Clock
 from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
@@ -92,12 +85,12 @@ class EffortEcho:
         """Initialise without a state, and compile the comparison."""
         self._controller, self._background = controller, background
         self._torque, self._joints = controller.torque, len(controller.torque)
-        self._buffer: EchoBuffer | None = EchoBuffer(self._joints, controller.period)
-        if controller.commands_rates:
-            self._buffer = None
+        self._buffer: latency_fit.EchoBuffer | None = None
+        if not controller.commands_rates:
+            self._buffer = latency_fit.EchoBuffer(self._joints, controller.period)
         # Written by the thread as a whole, and read by the node.
-        self._timing: LatencyFit | None = None
-        compile_echo()
+        self._timing: latency_fit.LatencyFit | None = None
+        latency_fit.compile_echo()
 
     def watch(self, effort: Array) -> None:
         """Set the array of the efforts in the last state, which has the driven joints last."""
@@ -114,32 +107,32 @@ class EffortEcho:
     def figures(self) -> dict[str, str]:
         """Return latency and motor lag for /diagnostics; nothing if the efforts are no echo."""
         timing = self._total
-        return {} if timing is None else {'latency by effort (ms)': echo_text(timing)}
+        return {} if timing is None else {'latency by effort (ms)': latency_fit.echo_text(timing)}
 
     def warning(self) -> str:
         """Return a warning about a wrong latency, else ''."""
         values, timing = self._controller.values, self._total
         if timing is None:
             return ''
-        return wrong_latency(
+        return latency_fit.wrong_latency(
             timing, LATENCY.of(values), MOTOR_LAG.of(values), self._controller.period
         )
 
     @property
-    def _total(self) -> LatencyFit | None:
+    def _total(self) -> latency_fit.LatencyFit | None:
         """Return the latency from the measurement on, and not from its stamp."""
         timing, age = self._timing, self._controller.stamp_age
         if timing is None:
             return None
         latency, lag, total = timing
-        return LatencyFit(
+        return latency_fit.LatencyFit(
             latency._replace(value=latency.value + age),
             lag,
             total._replace(value=total.value + age),
         )
 
     def _compare(self, times: Array, effort: Array, torque: Array) -> None:
-        self._timing = fit_echo(times, effort, torque)
+        self._timing = latency_fit.fit_echo(times, effort, torque)
 
 
 _PERIOD = 0.5

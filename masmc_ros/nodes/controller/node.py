@@ -13,6 +13,7 @@ from typing import Any, TYPE_CHECKING, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.msg import TransitionEvent
+from masmc_ros.aliases import Array
 from masmc_ros.control.actions import (
     Actions,
     Command,
@@ -51,9 +52,9 @@ from masmc_ros.loop.preparation import Preparation
 from masmc_ros.loop.safe_stop import SafeStop
 from masmc_ros.loop.simulated_robot import stamp_age
 from masmc_ros.loop.timing import PACING, Timing
-from masmc_ros.messages.names import CONTROLLER_STATE_TOPIC, REFERENCE_TOPIC
 from masmc_ros.messages.parameter_record import record_of
 from masmc_ros.messages.reference_window import ReferenceWindow
+from masmc_ros.messages.topics import CONTROLLER_STATE_TOPIC, REFERENCE_TOPIC
 from masmc_ros.nodes.controller.health import ControllerHealth
 from masmc_ros.nodes.controller.inputs import ReferenceInput, StateInput
 from masmc_ros.nodes.controller.lifecycle_services import LifecycleServices
@@ -64,27 +65,25 @@ from masmc_ros.nodes.controller.output import (
     ControllerTelemetry,
     TorqueOutput,
 )
-from masmc_ros.nodes.middleware.past import subscribe_with_past
+from masmc_ros.nodes.middleware.ros_topics import subscribe_with_past
 from masmc_ros.nodes.parameters.ros_parameters import Pending
-from masmc_ros.nodes.process.base import SuiteNode
-from masmc_ros.nodes.process.command_line import CommandLine
-from masmc_ros.nodes.process.diagnostics import (
+from masmc_ros.nodes.process.base import (
     Health,
     publish_health,
     RejectedMessages,
     senders_text,
     several_senders,
+    SuiteNode,
 )
+from masmc_ros.nodes.process.command_line import CommandLine
 from masmc_ros.nodes.process.runtime import run
 from masmc_ros.params.declaration import MutableValues, Values
 from masmc_ros.params.text import yaml_text
 from masmc_ros.reference.approach import Approach
 from masmc_ros.reference.windows import ReferenceWindows
-from masmc_ros.robot.joint_names import driven_joint_names
-from masmc_ros.robot.mechanisms import mechanism_from
+from masmc_ros.robot.mechanisms import driven_joint_names, mechanism_from
 from masmc_ros.robot.robot import robot_of
 import numpy as np
-from numpy.typing import NDArray
 from rclpy.context import Context
 from rclpy.impl.rcutils_logger import RcutilsLogger
 from std_msgs.msg import String
@@ -287,7 +286,7 @@ class ControllerNode(SuiteNode):
     # Events.
 
     def _on_state(
-        self, stamp: int, position: NDArray[np.float64], velocity: NDArray[np.float64]
+        self, stamp: int, position: Array, velocity: Array
     ) -> None:
         self._perform(self._core.on_state(stamp, position, velocity, time.monotonic()))
 

@@ -13,18 +13,12 @@ from masmc_ros.aliases import Array
 from masmc_ros.law.command_interface import ENABLE_STAMPED_CMD_VEL
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.signals import PUBLISHED
+from masmc_ros.messages import topics
 from masmc_ros.messages.commands import ARM_VELOCITY, CommandWriter, EFFORT
-from masmc_ros.messages.names import (
-    ARM_VELOCITY_TOPIC,
-    CMD_VEL_TOPIC,
-    COMMAND_TOPIC,
-    SHARED_TOPIC,
-    telemetry_topic,
-)
 from masmc_ros.messages.platform_messages import TwistCdr, TwistStampedCdr
 from masmc_ros.messages.telemetry import TelemetryCdr
 from masmc_ros.params.declaration import Values
-from masmc_ros.robot.joint_names import check_frame_prefix, FRAME_PREFIX
+from masmc_ros.robot.mechanisms import check_frame_prefix, FRAME_PREFIX
 import numpy as np
 from rclpy.publisher import Publisher
 from std_msgs.msg import Float64MultiArray
@@ -83,7 +77,7 @@ class TorqueOutput:
 
     def connect(self, advertise: Advertise) -> None:
         """Create the publisher."""
-        self.publishers = [advertise(Float64MultiArray, COMMAND_TOPIC)]
+        self.publishers = [advertise(Float64MultiArray, topics.COMMAND_TOPIC)]
         if self._shared is not None:
             self._shared.connect(advertise)
 
@@ -129,7 +123,7 @@ class _SharedOutput:
 
     def connect(self, advertise: Advertise) -> None:
         """Create the publisher."""
-        self._publisher = advertise(Float64MultiArray, SHARED_TOPIC)
+        self._publisher = advertise(Float64MultiArray, topics.SHARED_TOPIC)
 
     def send(self, stamp: int) -> None:
         """Send the torques as the response to the state of a stamp in ns."""
@@ -171,7 +165,7 @@ class BaseOutput:
         joints = joints[self._base:]
         self._is_hybrid = controller.is_hybrid
         kind = (EFFORT if self._is_hybrid else ARM_VELOCITY).named(joints)
-        self._topic = COMMAND_TOPIC if self._is_hybrid else ARM_VELOCITY_TOPIC
+        self._topic = topics.COMMAND_TOPIC if self._is_hybrid else topics.ARM_VELOCITY_TOPIC
         self._velocities = controller.velocity_command[:self._base]
         source = controller.torque if self._is_hybrid else controller.velocity_command
         self._joint_command = source[self._base:]
@@ -183,7 +177,7 @@ class BaseOutput:
     def connect(self, advertise: Advertise) -> None:
         """Create the publishers."""
         self.publishers = [
-            advertise(self._type, CMD_VEL_TOPIC),
+            advertise(self._type, topics.CMD_VEL_TOPIC),
             advertise(Float64MultiArray, self._topic),
         ]
 
@@ -236,7 +230,7 @@ class ControllerTelemetry:
         )
         self._topics = [
             (
-                advertise(Float64MultiArray, telemetry_topic(label)),
+                advertise(Float64MultiArray, topics.telemetry_topic(label)),
                 TelemetryCdr(label, len(values)).writer(values),
             )
             for label, values in signals

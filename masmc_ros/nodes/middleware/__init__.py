@@ -4,7 +4,6 @@
 """
 Settings of the middleware, and workarounds for its limitations.
 
-Each workaround is one file. Its docstring states the upstream issue and the condition for its
-removal: `transport.py`, `latched.py`, `past.py`, `raw_types.py`, `clock.py`, `logging.py`, and
-`exit_timer.py` in `nodes/process/`.
+Each workaround is one function, class or file. Its docstring states the upstream issue and the
+condition for its removal; docs/development/architecture.md lists them.
 """

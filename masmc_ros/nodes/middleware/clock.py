@@ -15,7 +15,7 @@ from collections.abc import Callable
 from typing import Any
 
 from masmc_ros.errors import InputError
-from masmc_ros.nodes.middleware.messages import deserialized
+from masmc_ros.nodes.middleware.ros_topics import deserialized
 from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock

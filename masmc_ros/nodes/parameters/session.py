@@ -16,9 +16,8 @@ from types import TracebackType
 from typing import Any
 
 from masmc_ros.errors import suggestion, UserError
-from masmc_ros.nodes.middleware.log_folder import prepare_log_folder
-from masmc_ros.nodes.middleware.transport import prepare_transport
-from masmc_ros.nodes.parameters.service_call import ServiceCall
+from masmc_ros.nodes.middleware.rcl_setup import prepare_rcl
+from masmc_ros.nodes.parameters.services import ServiceCall
 from rcl_interfaces.msg import ParameterValue, SetParametersResult
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
@@ -39,8 +38,7 @@ class ParameterSession:
     def __init__(self, patience: float) -> None:
         """Create the node; `patience` is the longest time in s of each call."""
         self._patience = patience
-        prepare_transport()
-        prepare_log_folder()
+        prepare_rcl()
         self._context = Context()
         self._clients: dict[str, AsyncParameterClient] = {}
         self._context.init([])

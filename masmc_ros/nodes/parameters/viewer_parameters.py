@@ -16,8 +16,8 @@ from typing import Any, NamedTuple, Protocol
 from masmc_ros.errors import InputError
 from masmc_ros.messages.parameter_record import ParameterRecord, record_of
 from masmc_ros.messages.topics import PARAMETER_NODES
-from masmc_ros.nodes.middleware.messages import deserialized
-from masmc_ros.nodes.parameters.service_call import ServiceCall
+from masmc_ros.nodes.middleware.ros_topics import deserialized
+from masmc_ros.nodes.parameters.services import ServiceCall
 from masmc_ros.params.declaration import MutableValues, Values
 from rcl_interfaces.msg import ParameterEvent
 from rcl_interfaces.srv import GetParameters, SetParameters

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from itertools import chain
 import time
 
-from masmc_ros.nodes.process.diagnostics import ERROR, Health, OK, RejectedMessages, senders, WARN
-from masmc_ros.plant.lateness import Lateness
+from masmc_ros.nodes.process.base import ERROR, Health, OK, RejectedMessages, senders, WARN
+from masmc_ros.plant.plant_core import Lateness
 from rclpy.node import Node
 
 _SLIP_LIMIT = 0.05

@@ -19,27 +19,18 @@ from masmc_ros.loop.plant_parameters import MAX_REAL_TIME_FACTOR, PUSH, REAL_TIM
 from masmc_ros.loop.simulated_robot import plant_of
 from masmc_ros.loop.timing import PACING, Timing
 from masmc_ros.messages.stamps import header_stamp
-from masmc_ros.nodes.middleware.qos import subscription_qos
+from masmc_ros.nodes.middleware.ros_topics import subscription_qos
 from masmc_ros.nodes.parameters.ros_parameters import Pending
 from masmc_ros.nodes.plant.command_input import CommandInput
 from masmc_ros.nodes.plant.health import PlantHealth
 from masmc_ros.nodes.plant.state_output import StateOutput
-from masmc_ros.nodes.process.base import SuiteNode
+from masmc_ros.nodes.process.base import Health, publish_health, RejectedMessages, SuiteNode
 from masmc_ros.nodes.process.command_line import CommandLine
-from masmc_ros.nodes.process.diagnostics import Health, publish_health, RejectedMessages
 from masmc_ros.nodes.process.runtime import run
 from masmc_ros.params.declaration import MutableValues, Values
-from masmc_ros.plant.latest_command import CommandPart, Commands
+from masmc_ros.plant import plant_core
 from masmc_ros.plant.lockstep import LockStep, PacedLockStep
-from masmc_ros.plant.plant_core import (
-    Actions,
-    AwaitCommand,
-    Done,
-    EndPush,
-    PlantCore,
-    Publish,
-    PublishAgain,
-)
+from masmc_ros.plant.plant_core import CommandPart, Commands
 from masmc_ros.plant.real_time import RealTime
 from rclpy.context import Context
 from rclpy.timer import Timer
@@ -67,18 +58,18 @@ class PlantNode(SuiteNode):
         self._timer: Timer | None = None
         self._health = PlantHealth(self._timing.period, core.lateness)
         self._performers: dict[type, Callable[[Any], None]] = {
-            Publish: lambda _: self._output.publish(core.stamp),
-            PublishAgain: lambda _: self._output.send_again(),
-            AwaitCommand: self._await_command,
+            plant_core.Publish: lambda _: self._output.publish(core.stamp),
+            plant_core.PublishAgain: lambda _: self._output.send_again(),
+            plant_core.AwaitCommand: self._await_command,
             Wait: lambda action: self.wait(action.reason),
             # All lines are warnings: rclpy identifies a log line by its position.
             Line: lambda action: self.log.warning(action.text),
             Failure: lambda action: self.fail(action.error),
-            EndPush: self._end_push,
-            Done: self._finish,
+            plant_core.EndPush: self._end_push,
+            plant_core.Done: self._finish,
         }
 
-    def _new_core(self) -> PlantCore:
+    def _new_core(self) -> plant_core.PlantCore:
         commands = Commands([source.part for source in self._input.sources])
         parts = self._robot, self._timing, self.values, commands
         if PACING.of(self.values) == 'lockstep':
@@ -177,7 +168,7 @@ class PlantNode(SuiteNode):
         self.parameters.take_effect(requested)
         return Pending()
 
-    def _end_push(self, _: EndPush) -> None:
+    def _end_push(self, _: plant_core.EndPush) -> None:
         self.parameters.take_effect({PUSH.name: (0.0,) * len(PUSH.of(self.values))})
         # The services return 0 as well.
         self.parameters.withdraw([PUSH.name])
@@ -202,16 +193,16 @@ class PlantNode(SuiteNode):
             return
         self._perform(self._core.on_recorded(stamp, time.monotonic()))
 
-    def _perform(self, actions: Actions) -> None:
+    def _perform(self, actions: plant_core.Actions) -> None:
         for action in actions:
             self._performers[type(action)](action)
 
-    def _await_command(self, action: AwaitCommand) -> None:
+    def _await_command(self, action: plant_core.AwaitCommand) -> None:
         disagreement = self._input.disagreement(self.node, 'controller')
         details = action.topics + ('' if disagreement is None else f'; {disagreement}')
         self.wait(f"the controller's command ({details})")
 
-    def _finish(self, action: Done) -> None:
+    def _finish(self, action: plant_core.Done) -> None:
         self.finished = True
         ticks, seconds = action
         self.log.info(

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from geometry_msgs.msg import Twist
+from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError
 from masmc_ros.jit.compiled import bound
 from masmc_ros.log.traced_paths import ActualPath
@@ -13,28 +14,19 @@ from masmc_ros.loop.plant_parameters import CLOCK_DECIMATION, ODOM_DECIMATION, T
 from masmc_ros.loop.signals import largest_slip
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.timing import Timing
+from masmc_ros.messages import topics
 from masmc_ros.messages.joint_state import JointStateCdr
-from masmc_ros.messages.names import (
-    ACTUAL_PATH_TOPIC,
-    CLOCK_TOPIC,
-    CONTACT_LABEL,
-    CONTACT_TOPIC,
-    DESCRIPTION_TOPIC,
-)
+from masmc_ros.messages.message import string_message
 from masmc_ros.messages.platform_messages import OdometryCdr, TimeCdr, TwistCdr
-from masmc_ros.messages.std_msgs import string_message
 from masmc_ros.messages.telemetry import TelemetryCdr
-from masmc_ros.messages.topics import TRANSFORMS, transforms_topic
 from masmc_ros.messages.transforms import TransformsCdr
-from masmc_ros.nodes.middleware.qos import DEEP
-from masmc_ros.nodes.middleware.raw_types import raw_class
+from masmc_ros.nodes.middleware.ros_topics import DEEP, raw_class
 from masmc_ros.nodes.process.base import SuiteNode
 from masmc_ros.params.declaration import MutableValues
-from masmc_ros.robot.joint_names import check_frame_prefix, FRAME_PREFIX, joint_names
+from masmc_ros.robot.mechanisms import check_frame_prefix, FRAME_PREFIX, joint_names
 from masmc_ros.robot.robot import robot_description, robot_of
 from nav_msgs.msg import Odometry, Path
 import numpy as np
-from numpy.typing import NDArray
 from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -69,17 +61,17 @@ class RobotDisplay:
         self._transforms: Publisher | None = None
         if self._decimation:
             try:
-                message_type = raw_class(TRANSFORMS.type_name)
+                message_type = raw_class(topics.TRANSFORMS.type_name)
             except InputError as error:
-                node.log.warning(f'no {TRANSFORMS.name}: {error}')
+                node.log.warning(f'no {topics.TRANSFORMS.name}: {error}')
             else:
-                topic = transforms_topic(node.node.get_namespace(), self._prefix)
+                topic = topics.transforms_topic(node.node.get_namespace(), self._prefix)
                 self._transforms = node.publisher(message_type, topic)
-        self._paths = node.latched(Path, ACTUAL_PATH_TOPIC)
-        description = node.latched(String, DESCRIPTION_TOPIC)
+        self._paths = node.latched(Path, topics.ACTUAL_PATH_TOPIC)
+        description = node.latched(String, topics.DESCRIPTION_TOPIC)
         description.publish(self._description)
 
-    def show(self, tick: int, position: NDArray[np.float64]) -> None:
+    def show(self, tick: int, position: Array) -> None:
         """Publish frames and path if they are due; `position` is in the order of joint_states."""
         if self._transforms is not None and (
             tick % self._decimation == 0 or tick == self._timing.last
@@ -120,7 +112,7 @@ class StateOutput:
         self._odometry = OdometryCdr(FRAME_PREFIX.of(values), robot.mechanism.frames[0][1])
         self._twist = TwistCdr()
         self._slip = 0.0
-        self._contact = TelemetryCdr(CONTACT_LABEL, len(robot.contact))
+        self._contact = TelemetryCdr(topics.CONTACT_LABEL, len(robot.contact))
         self._time = TimeCdr()
         self._base_motion = robot.mechanism.formulas.base_motion
         # The first call compiles the kernel, or loads it.
@@ -134,8 +126,8 @@ class StateOutput:
         self._odom = node.publisher(Odometry, 'odom', depth)
         self._base_twist = node.publisher(Twist, 'base_twist', depth)
         if len(self._contact.values):
-            self._contacts = node.publisher(Float64MultiArray, CONTACT_TOPIC, depth)
-        self._clock = node.stream(Clock, CLOCK_TOPIC)
+            self._contacts = node.publisher(Float64MultiArray, topics.CONTACT_TOPIC, depth)
+        self._clock = node.stream(Clock, topics.CLOCK_TOPIC)
         self._display.connect(node)
 
     @property

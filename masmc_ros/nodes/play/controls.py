@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Controls of the page: sliders, menus and buttons for the controller.
+Controls of the page: those of the controller, and payload and disturbance of a simulated plant.
 
 viser calls functions of its viewers on separate threads. They queue the requests; the node's
 thread sends them, and alone changes the page.
@@ -17,24 +17,12 @@ import queue
 import time
 
 from masmc_ros.errors import InputError
-from masmc_ros.nodes.play.page import show_value, text_block
-from masmc_ros.nodes.play.server import PlayServer
+from masmc_ros.loop.plant_parameters import PAYLOAD_MASS, PUSH, PUSH_DURATION, TORQUE_LIMIT
+from masmc_ros.nodes.play.page import PlayServer, show_value, text_block
+from masmc_ros.params import presentation
 from masmc_ros.params.declaration import MutableValues, Parameter, Values
-from masmc_ros.params.sliders import (
-    gain_text,
-    level_of,
-    scaled,
-    slider_range,
-    SliderRange,
-    SLIDERS,
-)
-from viser import (
-    ClientHandle,
-    GuiButtonHandle,
-    GuiDropdownHandle,
-    GuiEvent,
-    GuiSliderHandle,
-)
+from masmc_ros.robot.declaration import Mechanism
+from viser import ClientHandle, GuiButtonHandle, GuiDropdownHandle, GuiEvent, GuiSliderHandle
 
 MENUS = ('law', 'switching')
 """Parameters of the controller with a menu."""
@@ -139,7 +127,7 @@ class Controls:
         if not self.may_command:
             return
         with self._folder:
-            for name in SLIDERS:
+            for name in presentation.SLIDERS:
                 if name in values:
                     self._add_slider(parameters[name], values[name])
             for name in MENUS:
@@ -150,22 +138,22 @@ class Controls:
 
     def _add_slider(self, parameter: Parameter, value: object) -> None:
         name = parameter.name
-        bounds = slider_range(parameter, level_of(value))
+        bounds = presentation.slider_range(parameter, presentation.level_of(value))
         handle = self._gui.add_slider(
             name,
             *bounds,
-            min(max(level_of(value), bounds.lowest), bounds.highest),
+            min(max(presentation.level_of(value), bounds.lowest), bounds.highest),
             hint=f'{parameter.description} [{parameter.unit}]',
         )
 
         def show(shown: object) -> None:
             nonlocal bounds
-            level = level_of(shown)
+            level = presentation.level_of(shown)
             if not math.isfinite(level):
                 return
             self._shown[name] = shown
             if not bounds.contains(level):
-                bounds = _widened(handle, slider_range(parameter, level), level)
+                bounds = _widened(handle, presentation.slider_range(parameter, level), level)
             show_value(handle, level)
 
         self._show[name], self._shown[name] = show, value
@@ -198,9 +186,11 @@ class Controls:
         """Queue a change by a viewer; a change by the node has no viewer."""
         if event.client is None:
             return
-        value = event.target.value
-        requested = value if isinstance(value, str) else scaled(self._shown[name], value)
-        self.request(event.client_id, f'{self._node}.{name}', requested)
+        level = event.target.value
+        value: object = level
+        if not isinstance(level, str):
+            value = presentation.scaled(self._shown[name], level)
+        self.request(event.client_id, f'{self._node}.{name}', value)
 
     def request(self, client: int | None, name: str, value: object) -> None:
         """
@@ -298,11 +288,11 @@ class Controls:
     def refresh(self) -> None:
         """Show the values of the controller, except in controls that a viewer is moving."""
         lines = []
-        for name in (*SLIDERS, *MENUS):
+        for name in (*presentation.SLIDERS, *MENUS):
             value = self.values.get(f'{self._node}.{name}')
             if value is None:
                 continue
-            lines.append(f'{name}: {gain_text(value)}')
+            lines.append(f'{name}: {presentation.gain_text(value)}')
             if name in self._show and self.is_still(f'{self._node}.{name}'):
                 # Another node of this name may send any value.
                 with suppress(InputError):
@@ -320,9 +310,101 @@ class Controls:
 
 
 def _widened(
-    handle: GuiSliderHandle[float], bounds: SliderRange, level: float
-) -> SliderRange:
+    handle: GuiSliderHandle[float], bounds: presentation.SliderRange, level: float
+) -> presentation.SliderRange:
     """Give a slider the range for a value outside of its own; return the range."""
     bounds = bounds._replace(lowest=min(bounds.lowest, level), highest=max(bounds.highest, level))
     handle.min, handle.max, handle.step = bounds
     return bounds
+
+
+_HEAVIEST = 5.0
+"""End of the slider of the payload in kg, unless the run has a heavier one."""
+
+_STRONGEST = 20.0
+"""End of the slider of the push in N·m or N for a robot without limits of torques."""
+
+_STEPS = 100
+
+
+class PlantControls:
+    """Slider of the payload; joint, torque and button of a push."""
+
+    def __init__(self, server: PlayServer, node: str, controls: Controls) -> None:
+        """
+        Initialise without controls.
+
+        Parameters
+        ----------
+        server
+            Server of the page.
+        node
+            Full name of the plant.
+        controls
+            Controls of the controller, which queue the requests of viewers.
+
+        """
+        self._gui, self._node, self._controls = server.gui, node, controls
+        self._folder = self._gui.add_folder('Robot', order=1.5, visible=False)
+        self._payload: GuiSliderHandle[float] | None = None
+        self._mass: Parameter | None = None
+
+    def build(self, mechanism: Mechanism, declared: Parameter, values: Values) -> None:
+        """
+        Add the controls of a plant in place of previous ones.
+
+        Parameters
+        ----------
+        mechanism
+            Type of the robot.
+        declared
+            Declaration of the mass of the payload.
+        values
+            Checked values of the plant by name.
+
+        """
+        self._folder.remove()
+        is_shown = self._controls.may_command
+        self._folder = self._gui.add_folder('Robot', order=1.5, visible=is_shown)
+        self._mass = declared
+        if not is_shown:
+            return
+        units = ', '.join(dict.fromkeys(joint.effort_unit for joint in mechanism.joints))
+        joints = [joint.short for joint in mechanism.joints]
+        heaviest = max(_HEAVIEST, 2.0 * PAYLOAD_MASS.of(values))
+        strongest = max(TORQUE_LIMIT.of(values)) or _STRONGEST
+        with self._folder:
+            payload = self._gui.add_slider(
+                'Payload (kg)', 0.0, heaviest, heaviest / _STEPS, PAYLOAD_MASS.of(values)
+            )
+            joint = self._gui.add_dropdown('Pushed joint', joints, initial_value=joints[-1])
+            torque = self._gui.add_slider(
+                f'Push ({units})', -strongest, strongest, strongest / _STEPS, 0.5 * strongest
+            )
+            hint = f'Disturbance torque on this joint for {PUSH_DURATION.of(values):g} s'
+            button = self._gui.add_button('Push', hint=hint)
+
+        def on_payload(event: GuiEvent[GuiSliderHandle[float]]) -> None:
+            if event.client is not None:
+                name = f'{self._node}.{PAYLOAD_MASS.name}'
+                self._controls.request(event.client_id, name, float(event.target.value))
+
+        def on_push(event: GuiEvent[GuiButtonHandle]) -> None:
+            push = [torque.value if name == joint.value else 0.0 for name in joints]
+            self._controls.request(event.client_id, f'{self._node}.{PUSH.name}', push)
+
+        payload.on_update(on_payload)
+        button.on_click(on_push)
+        self._payload = payload
+
+    def refresh(self) -> None:
+        """Show the payload of the plant, unless a viewer is moving its slider."""
+        name = f'{self._node}.{PAYLOAD_MASS.name}'
+        value = self._controls.values.get(name)
+        if self._payload is None or self._mass is None or not self._controls.is_still(name):
+            return
+        # Another node of this name may send any value.
+        with suppress(InputError):
+            mass = presentation.level_of(self._mass.check(value))
+            self._payload.max = max(self._payload.max, mass)
+            show_value(self._payload, mass)

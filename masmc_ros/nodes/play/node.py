@@ -17,66 +17,41 @@ from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError
 from masmc_ros.loop.plant_parameters import PAYLOAD_MASS, PUSH
 from masmc_ros.loop.timing import DURATION
+from masmc_ros.messages import topics
 from masmc_ros.messages.cdr_layout import NANOSECONDS
 from masmc_ros.messages.joint_state import JointStateCdr
-from masmc_ros.messages.names import (
-    COMMAND_TOPIC,
-    CONTROLLER_STATE_TOPIC,
-    DESIRED_PATH_TOPIC,
-    REFERENCE_TOPIC,
-    STATE_TOPIC,
-    telemetry_topic,
-)
+from masmc_ros.messages.message import text_of
 from masmc_ros.messages.parameter_record import ParameterRecord
 from masmc_ros.messages.path import path_points
-from masmc_ros.messages.std_msgs import text_of
 from masmc_ros.messages.telemetry import TelemetryCdr
-from masmc_ros.messages.topics import PARAMETER_NODES, parameters_topic
-from masmc_ros.nodes.middleware.messages import deserialized
-from masmc_ros.nodes.middleware.past import subscribe, subscribe_with_past
-from masmc_ros.nodes.middleware.qos import DEEP
-from masmc_ros.nodes.middleware.sampling import Sampler
-from masmc_ros.nodes.parameters.service_call import ServiceCall
+from masmc_ros.nodes.middleware.ros_topics import (
+    DEEP,
+    deserialized,
+    subscribe,
+    subscribe_with_past,
+)
+from masmc_ros.nodes.parameters.services import ServiceCall
 from masmc_ros.nodes.parameters.viewer_parameters import ParameterRequest, ViewerParameters
-from masmc_ros.nodes.play.controls import Controls
-from masmc_ros.nodes.play.described import (
+from masmc_ros.nodes.play import page
+from masmc_ros.nodes.play.controls import Controls, PlantControls
+from masmc_ros.nodes.play.plots import (
     checked_values,
     DESCRIBING,
     estimate_reference,
+    Plots,
     shown_robot,
     ShownRobot,
 )
-from masmc_ros.nodes.play.page import (
-    change_text,
-    CHANGES,
-    MOST,
-    MOST_POINTS,
-    Page,
-    RATE,
-    SLOW,
-)
-from masmc_ros.nodes.play.plant_controls import PlantControls
-from masmc_ros.nodes.play.plots import Plots
 from masmc_ros.nodes.play.report_button import ReportButton
-from masmc_ros.nodes.play.samples import SampleWindow, TimeSpeed
+from masmc_ros.nodes.play.samples import Sampler, SampleWindow, TimeSpeed
 from masmc_ros.nodes.play.scene import path_of, RobotScene
-from masmc_ros.nodes.play.server import is_local, PlayServer
-from masmc_ros.nodes.process.base import SuiteNode
+from masmc_ros.nodes.process.base import RejectedMessages, several_senders, SuiteNode
 from masmc_ros.nodes.process.command_line import CommandLine
-from masmc_ros.nodes.process.diagnostics import RejectedMessages, several_senders
 from masmc_ros.nodes.process.runtime import run
 from masmc_ros.params.declaration import MutableValues, Values
 from masmc_ros.params.file import parameter_file_text
-from masmc_ros.params.sliders import gain_text
-from masmc_ros.scenario.node_parameters import (
-    ALLOW_COMMANDS,
-    ASKS_FIRST,
-    declared,
-    HOST,
-    PORT,
-    RECORDED_TIME,
-    RECORDING,
-)
+from masmc_ros.params.presentation import gain_text
+from masmc_ros.scenario import node_parameters
 from nav_msgs.msg import Path as PathMessage
 import numpy as np
 from rcl_interfaces.msg import ParameterEvent
@@ -86,9 +61,10 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import SetBool, Trigger
 
-_ERROR, _ESTIMATE = telemetry_topic('tracking_error'), telemetry_topic('parameter_estimate')
+_ERROR = topics.telemetry_topic('tracking_error')
+_ESTIMATE = topics.telemetry_topic('parameter_estimate')
 
-_SINGLE = (STATE_TOPIC, COMMAND_TOPIC, REFERENCE_TOPIC, _ERROR, _ESTIMATE)
+_SINGLE = (topics.STATE_TOPIC, topics.COMMAND_TOPIC, topics.REFERENCE_TOPIC, _ERROR, _ESTIMATE)
 """Topics that have one publisher in a proper run."""
 
 _PATIENCE = 3.0
@@ -120,7 +96,7 @@ class PlayNode(SuiteNode):
         """Create the node; its page is served from `connect` on."""
         super().__init__(context=context, command_line=command_line)
         self._records: dict[str, ParameterRecord] = {}
-        self._changes: deque[_Change] = deque(maxlen=MOST)
+        self._changes: deque[_Change] = deque(maxlen=page.MOST)
         self._in_flight: ParameterRequest | None = None
         self._called: list[_Called] = []
         self._rejected_messages = RejectedMessages(self.log, 'is not shown')
@@ -133,7 +109,7 @@ class PlayNode(SuiteNode):
         self._scene: RobotScene | None = None
         self._plots: Plots | None = None
         self._desired: bytes | None = None
-        self._actual = SampleWindow(3, MOST)
+        self._actual = SampleWindow(3, page.MOST)
         self._speed = TimeSpeed()
         self._stamp: float | None = None
         self._is_served = False
@@ -142,35 +118,36 @@ class PlayNode(SuiteNode):
     def connect(self) -> None:
         """Serve the page and subscribe to the topics of the run."""
         super().connect()
-        host = HOST.of(self.values)
-        self._may_command = is_local(host) or ALLOW_COMMANDS.of(self.values)
-        self._page = Page(PlayServer(host, PORT.of(self.values)))
+        host = node_parameters.HOST.of(self.values)
+        self._may_command = page.is_local(host) or node_parameters.ALLOW_COMMANDS.of(self.values)
+        self._page = page.Page(page.PlayServer(host, node_parameters.PORT.of(self.values)))
         self._is_served = True
         self._controls = Controls(
             self._page.server,
             self.node.resolve_service_name('controller'),
             may_command=self._may_command,
-            asks_first=ASKS_FIRST.of(self.values),
+            asks_first=node_parameters.ASKS_FIRST.of(self.values),
             saved=self._saved_text,
         )
         self._plant = PlantControls(
             self._page.server, self.node.resolve_service_name('plant'), self._controls
         )
-        if recording := RECORDING.of(self.values):
-            kept = RECORDED_TIME.of(self.values)
+        if recording := node_parameters.RECORDING.of(self.values):
+            kept = node_parameters.RECORDED_TIME.of(self.values)
             self._report = ReportButton(self._page.server, Path(recording), kept)
         self._parameters = ViewerParameters(self.node, self._controls, self.log.error)
         self._samples = Sampler(self.node)
         for topic, message_type in (
-            (STATE_TOPIC, JointState),
+            (topics.STATE_TOPIC, JointState),
             (_ERROR, Float64MultiArray),
             (_ESTIMATE, Float64MultiArray),
         ):
             self._samples.add(message_type, self.node.resolve_topic_name(topic))
-        for name in PARAMETER_NODES:
-            self._subscribe(String, parameters_topic(name), partial(self._on_parameters, name))
-        self._subscribe(String, CONTROLLER_STATE_TOPIC, self._on_state_text)
-        self._subscribe(PathMessage, DESIRED_PATH_TOPIC, self._on_desired)
+        for name in topics.PARAMETER_NODES:
+            on_parameters = partial(self._on_parameters, name)
+            self._subscribe(String, topics.parameters_topic(name), on_parameters)
+        self._subscribe(String, topics.CONTROLLER_STATE_TOPIC, self._on_state_text)
+        self._subscribe(PathMessage, topics.DESIRED_PATH_TOPIC, self._on_desired)
         on_event = partial(self._handle, '/parameter_events', self._parameters.on_event)
         subscribe(self.node, ParameterEvent, '/parameter_events', lambda r: on_event(r), DEEP)
         enable = self.node.create_client(SetBool, 'controller/enable')
@@ -180,7 +157,7 @@ class PlayNode(SuiteNode):
             'reset_adaptation': self._trigger('controller/reset_adaptation'),
             'reset_robot': self._trigger('plant/reset'),
         }
-        self.node.create_timer(1.0 / RATE, self._update, clock=self.steady)
+        self.node.create_timer(1.0 / page.RATE, self._update, clock=self.steady)
         self.node.create_timer(1.0, self._check_sources, clock=self.steady)
         self.log.info(f'open {self._page.server.address} in a browser')
         if not self._may_command:
@@ -230,12 +207,12 @@ class PlayNode(SuiteNode):
         self._records = {**self._records, name: record}
         time_s = record.stamp / NANOSECONDS
         for changed, value in record.changes.items():
-            text = change_text(time_s, f'{changed} = {gain_text(value)}')
+            text = page.change_text(time_s, f'{changed} = {gain_text(value)}')
             self._changes.append(_Change(time_s, text))
         if record.changes and self._plots is not None:
             self._plots.note_change(time_s)
         if record.event:
-            text = change_text(time_s, record.event)
+            text = page.change_text(time_s, record.event)
             self._changes.append(_Change(time_s, text, is_event=True))
         if name == 'trajectory':
             return
@@ -261,11 +238,11 @@ class PlayNode(SuiteNode):
         if shown is None:
             return
         self._scene = self._page.add_scene(shown, self.log.warning)
-        self._shown, self._actual = shown, SampleWindow(3, MOST)
+        self._shown, self._actual = shown, SampleWindow(3, page.MOST)
         if shown.plant is not None:
             mechanism = shown.robot.mechanism
-            masses = {p.name: p for p in declared('plant', mechanism)}[PAYLOAD_MASS.name]
-            self._plant.build(mechanism, masses, shown.plant)
+            declared = {p.name: p for p in node_parameters.declared('plant', mechanism)}
+            self._plant.build(mechanism, declared[PAYLOAD_MASS.name], shown.plant)
         self._state = JointStateCdr(shown.joints)
         reference = estimate_reference(parameters, shown.robot)
         if reference is not None:
@@ -273,7 +250,7 @@ class PlayNode(SuiteNode):
             self._plots = self._page.add_plots(reference)
             self._error = TelemetryCdr('tracking_error', len(mechanism.axes))
             self._estimate = TelemetryCdr('parameter_estimate', len(mechanism.theta))
-            declarations = {p.name: p for p in declared('controller', mechanism)}
+            declarations = {p.name: p for p in node_parameters.declared('controller', mechanism)}
             self._controls.build(declarations, reference.values)
         self.wait(None)
 
@@ -291,11 +268,11 @@ class PlayNode(SuiteNode):
     def _update(self) -> None:
         """Show the latest state; send the requests of viewers; several times, show all else."""
         for topic, raw in self._samples.take():
-            handler = self._on_state if topic.endswith(STATE_TOPIC) else self._on_telemetry
+            handler = self._on_state if topic.endswith(topics.STATE_TOPIC) else self._on_telemetry
             self._handle(topic, partial(handler, topic), raw)
         self._send_requests()
         self._updates += 1
-        if self._updates % SLOW:
+        if self._updates % page.SLOW:
             return
         if self._stamp is not None:
             self._speed.add(time.monotonic(), self._stamp)
@@ -382,7 +359,7 @@ class PlayNode(SuiteNode):
         lines = (state, speed, *access, *self._problems, *self._sources)
         self._controls.show_notices(tuple(filter(None, lines)))
         changes = list(self._changes)
-        self._controls.show_history(tuple(change.text for change in changes[-CHANGES:]))
+        self._controls.show_history(tuple(change.text for change in changes[-page.CHANGES:]))
         if self._plots is not None:
             self._page.compare(self._plots)
             self._plots.send([change.time for change in changes if not change.is_event])
@@ -391,16 +368,16 @@ class PlayNode(SuiteNode):
         self._scene.show_actual(self._actual.values)
         if self._desired is not None:
             raw, self._desired = self._desired, None
-            self._handle(DESIRED_PATH_TOPIC, self._show_desired, raw)
+            self._handle(topics.DESIRED_PATH_TOPIC, self._show_desired, raw)
 
     def _show_desired(self, raw: bytes) -> None:
         points = path_points(raw)
         if points is None:
-            poses = deserialized(raw, PathMessage).poses[:MOST_POINTS]
+            poses = deserialized(raw, PathMessage).poses[:page.MOST_POINTS]
             places = [(p.pose.position.x, p.pose.position.y, p.pose.position.z) for p in poses]
             points = np.array(places).reshape(-1, 3)
         if self._scene is not None:
-            self._scene.show_desired(points[:MOST_POINTS])
+            self._scene.show_desired(points[:page.MOST_POINTS])
 
     def _check_sources(self) -> None:
         """Note the topics with several publishers."""

@@ -12,7 +12,6 @@ import time
 from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import Run
-from masmc_ros.nodes.play.described import estimate_reference, shown_robot, TRUE_VALUE
 from masmc_ros.nodes.play.page import (
     change_text,
     CHANGES,
@@ -23,9 +22,10 @@ from masmc_ros.nodes.play.page import (
     SLOW,
     text_block,
 )
+from masmc_ros.nodes.play.plots import estimate_reference, shown_robot, TRUE_VALUE
 from masmc_ros.nodes.play.samples import WINDOW
 from masmc_ros.nodes.play.scene import path_of, places_of
-from masmc_ros.params.sliders import gain_text
+from masmc_ros.params.presentation import gain_text
 from masmc_ros.report.measure.adaptation import true_theta_of_run
 from masmc_ros.report.measure.parameters import ParameterChange, run_changes
 import numpy as np

@@ -11,8 +11,7 @@ from tempfile import TemporaryDirectory
 
 from masmc_ros.child_process import module_command
 from masmc_ros.nodes.play.controls import Controls
-from masmc_ros.nodes.play.page import text_block
-from masmc_ros.nodes.play.server import PlayServer
+from masmc_ros.nodes.play.page import PlayServer, text_block
 from viser import GuiButtonHandle, GuiEvent
 
 _PAGE = 'report.html'

@@ -20,7 +20,7 @@ from tempfile import TemporaryDirectory
 from masmc_ros.errors import InputError, UserError
 from masmc_ros.log.bag import part_names
 from masmc_ros.log.read.reader import read_run
-from masmc_ros.log.recover.recover import is_complete, recover
+from masmc_ros.log.recover import is_complete, recover
 from masmc_ros.report.report import write_page
 
 _NICENESS = 10

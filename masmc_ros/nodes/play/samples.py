@@ -1,16 +1,19 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Samples in moving windows of time: those of a plot, and the speed of the robot's time."""
+"""Samples of the page: latest messages of topics, and moving windows of time."""
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 from masmc_ros.aliases import Array
 import numpy as np
 from numpy.typing import ArrayLike
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
 
 WINDOW = 20.0
 """Length of the window in s of robot time."""
@@ -101,3 +104,51 @@ class TimeSpeed:
         if end - start < 1.0:
             return ''
         return f'time at {(last - first) / (end - start):.1f} of real time'
+
+
+_LATEST = QoSProfile(
+    depth=1,
+    reliability=ReliabilityPolicy.BEST_EFFORT,
+    durability=DurabilityPolicy.VOLATILE,
+)
+
+
+class Sampler:
+    """
+    Periodic samples of topics with a message at every tick.
+
+    A viewer does not need 1 kHz. The middleware keeps the latest message and discards the others
+    without Python. The subscriptions have no callbacks and are on a hidden node without an
+    executor. They are best-effort, so the senders repeat nothing for them.
+    """
+
+    def __init__(self, node: Node) -> None:
+        """Create the hidden node in the context and namespace of `node`."""
+        self._node = Node(
+            f'_{node.get_name()}_samples',
+            context=node.context,
+            namespace=node.get_namespace(),
+            # The names of the topics are already resolved.
+            use_global_arguments=False,
+            start_parameter_services=False,
+            enable_rosout=False,
+        )
+        self._subscriptions: dict[str, Subscription] = {}
+
+    def add(self, message_type: type, topic: str) -> None:
+        """Subscribe to a topic by its full name."""
+        self._subscriptions[topic] = self._node.create_subscription(
+            message_type, topic, lambda _: None, _LATEST, raw=True
+        )
+
+    def take(self) -> Iterator[tuple[str, bytes]]:
+        """Yield topics that have a new message, each with its latest one."""
+        for topic, subscription in self._subscriptions.items():
+            with subscription.handle:
+                result = subscription.handle.take_message(subscription.msg_type, subscription.raw)
+            if result is not None:
+                yield topic, result[0]
+
+    def close(self) -> None:
+        """Destroy the hidden node."""
+        self._node.destroy_node()

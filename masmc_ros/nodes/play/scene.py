@@ -11,10 +11,9 @@ from typing import NamedTuple
 
 from masmc_ros.aliases import Array, Numbers
 from masmc_ros.robot.declaration import ODOM_FRAME
-from masmc_ros.robot.meshes import mesh_files
 from masmc_ros.robot.robot import Robot
 from masmc_ros.robot.urdf import read_urdf
-from masmc_ros.robot.visuals import Visual, visual_shapes
+from masmc_ros.robot.visuals import mesh_files, Visual, visual_shapes
 import numpy as np
 from numpy.typing import NDArray
 import trimesh

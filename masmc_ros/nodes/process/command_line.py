@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 
 from masmc_ros.errors import InputError
 from masmc_ros.params.file import node_values, NodeValues, ParameterFile, parse_value, read
-from masmc_ros.params.values import FileValue
+from masmc_ros.params.yaml_nodes import FileValue
 from masmc_ros.scenario.node_parameters import with_posture
 
 

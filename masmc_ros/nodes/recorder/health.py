@@ -9,7 +9,7 @@ from collections.abc import Mapping
 
 from masmc_ros.log.read.gaps import Gaps
 from masmc_ros.log.write.recording import Recording
-from masmc_ros.nodes.process.diagnostics import Health, OK, WARN
+from masmc_ros.nodes.process.base import Health, OK, WARN
 
 _MEGABYTE = 1_000_000
 

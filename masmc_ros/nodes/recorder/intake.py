@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 import time
 
-from masmc_ros.log.mcap.chunks import Message
+from masmc_ros.log.codec import Message
 from masmc_ros.log.write.recording import Recording
 from masmc_ros.messages.topics import TRANSFORMS, transforms_topic
 from masmc_ros.messages.transforms import first_frames, first_names, is_of_robot

@@ -18,45 +18,46 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from masmc_ros.control.supervisor import Mode
 from masmc_ros.errors import InputError
-from masmc_ros.log.offered_qos import Qos
+from masmc_ros.log.bag import Qos
 from masmc_ros.log.recorder_parameters import EXTRA_TOPICS, QUEUE_SIZE
-from masmc_ros.log.recover.recover import recover_all
+from masmc_ros.log.recover import recover_all
 from masmc_ros.loop.timing import Timing
-from masmc_ros.messages.definitions import Definition
-from masmc_ros.messages.names import (
+from masmc_ros.messages.cdr_layout import Definition
+from masmc_ros.messages.message import text_of
+from masmc_ros.messages.parameter_record import record_of
+from masmc_ros.messages.stamps import stamp_reader
+from masmc_ros.messages.topics import (
     ARM_VELOCITY_TOPIC,
     CMD_VEL_TOPIC,
     COMMAND_TOPIC,
     CONTROLLER_STATE_TOPIC,
     DESCRIPTION_TOPIC,
-    REFERENCE_TOPIC,
-    STATE_TOPIC,
-    TELEMETRY,
-    telemetry_topic,
-)
-from masmc_ros.messages.parameter_record import record_of
-from masmc_ros.messages.stamps import stamp_reader
-from masmc_ros.messages.std_msgs import text_of
-from masmc_ros.messages.topics import (
     PARAMETER_NODES,
     parameters_topic,
+    REFERENCE_TOPIC,
+    STATE_TOPIC,
     SYSTEM_TOPICS,
+    TELEMETRY,
+    telemetry_topic,
     TOPICS,
     TRANSFORMS,
 )
-from masmc_ros.nodes.middleware.past import subscribe, subscribe_with_past
-from masmc_ros.nodes.middleware.qos import DEEP, subscription_qos
-from masmc_ros.nodes.middleware.raw_types import raw_class
-from masmc_ros.nodes.process.base import SuiteNode
+from masmc_ros.nodes.middleware.ros_topics import (
+    DEEP,
+    raw_class,
+    subscribe,
+    subscribe_with_past,
+    subscription_qos,
+)
+from masmc_ros.nodes.process.base import publish_health, RejectedMessages, SuiteNode
 from masmc_ros.nodes.process.command_line import CommandLine
-from masmc_ros.nodes.process.diagnostics import publish_health, RejectedMessages
 from masmc_ros.nodes.process.runtime import run
 from masmc_ros.nodes.recorder.extra_topics import ExtraTopics
 from masmc_ros.nodes.recorder.health import RecorderHealth
 from masmc_ros.nodes.recorder.intake import Intake, OwnFrames, take_rest
 from masmc_ros.nodes.recorder.output import Attachments, DiskWatch, MEGABYTE, open_recording
 from masmc_ros.nodes.recorder.progress import Progress
-from masmc_ros.robot.joint_names import FRAME_PREFIX
+from masmc_ros.robot.mechanisms import FRAME_PREFIX
 from rclpy.context import Context
 
 _LONG_QUIET = 3.0
@@ -312,7 +313,7 @@ class RecorderNode(SuiteNode):
         """Report to the plant when all publishers are discovered; end when they have left."""
         self._extra.look(self.node, self.log, self._record_topic, self.counts)
         has_senders = [
-            any(all(map(self._is_sent, topics)) for topics in line) for line in _CORE
+            any(all(map(self._is_sent, names)) for names in line) for line in _CORE
         ]
         has_parameters = all(map(self._has_parameters, PARAMETER_NODES))
         if not self._is_ready and all(has_senders) and has_parameters:

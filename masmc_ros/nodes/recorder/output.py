@@ -11,17 +11,8 @@ from itertools import chain, count
 from pathlib import Path
 
 from masmc_ros.errors import InputError
+from masmc_ros.log import recorder_parameters
 from masmc_ros.log.read.gaps import MISSING
-from masmc_ros.log.recorder_parameters import (
-    COMPRESSION,
-    FLUSH_PERIOD,
-    MAX_DURATION,
-    MAX_PARTS,
-    MAX_SIZE,
-    OUTPUT,
-    OVERWRITE,
-    QUEUE_SIZE,
-)
 from masmc_ros.log.write.provenance import write_origin, write_parameters
 from masmc_ros.log.write.recording import clear_recording, Options, Recording
 from masmc_ros.log.write.writer import LogWriter
@@ -109,19 +100,19 @@ def open_recording(
 
     """
     options = Options(
-        compression=COMPRESSION.of(values),
-        flush_period=FLUSH_PERIOD.of(values),
-        max_size=round(MAX_SIZE.of(values) * MEGABYTE),
-        max_duration=round(MAX_DURATION.of(values) * NANOSECONDS),
-        max_parts=MAX_PARTS.of(values),
-        queue_size=round(QUEUE_SIZE.of(values) * MEGABYTE),
+        compression=recorder_parameters.COMPRESSION.of(values),
+        flush_period=recorder_parameters.FLUSH_PERIOD.of(values),
+        max_size=round(recorder_parameters.MAX_SIZE.of(values) * MEGABYTE),
+        max_duration=round(recorder_parameters.MAX_DURATION.of(values) * NANOSECONDS),
+        max_parts=recorder_parameters.MAX_PARTS.of(values),
+        queue_size=round(recorder_parameters.QUEUE_SIZE.of(values) * MEGABYTE),
     )
-    output = Path(OUTPUT.of(values))
+    output = Path(recorder_parameters.OUTPUT.of(values))
     if output.suffix != '.mcap':
         return _open_new(output, namespace, options, attachments)
     place = output.with_suffix('') if options.is_split else output
     if place.exists():
-        if not OVERWRITE.of(values):
+        if not recorder_parameters.OVERWRITE.of(values):
             raise InputError(
                 f'output = {place}: exists already; name another, or set overwrite to true'
             )

@@ -10,7 +10,7 @@ import time
 
 from diagnostic_msgs.msg import DiagnosticArray
 from masmc_ros.aliases import Array
-from masmc_ros.control.actions import Record
+from masmc_ros.control.actions import Record, Throttle
 from masmc_ros.control.supervisor import would_follow
 from masmc_ros.errors import InputError, UserError
 from masmc_ros.log.traced_paths import DesiredPath
@@ -18,26 +18,23 @@ from masmc_ros.loop.controller_parameters import POSE_FRAME
 from masmc_ros.loop.timing import Timing
 from masmc_ros.loop.trajectory_parameters import HORIZON, START_TIME, WINDOW
 from masmc_ros.messages.cdr_layout import checked_stamp
-from masmc_ros.messages.names import CONTROLLER_STATE_TOPIC, DESIRED_PATH_TOPIC
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.messages.stamps import header_stamp
-from masmc_ros.nodes.middleware.messages import deserialized
-from masmc_ros.nodes.middleware.past import subscribe_with_past
+from masmc_ros.messages.topics import CONTROLLER_STATE_TOPIC, DESIRED_PATH_TOPIC
+from masmc_ros.nodes.middleware.ros_topics import deserialized, subscribe_with_past
 from masmc_ros.nodes.parameters.ros_parameters import Pending
-from masmc_ros.nodes.process.base import SuiteNode
+from masmc_ros.nodes.process.base import Health, publish_health, RejectedMessages, SuiteNode
 from masmc_ros.nodes.process.command_line import CommandLine
-from masmc_ros.nodes.process.diagnostics import Health, publish_health, RejectedMessages
 from masmc_ros.nodes.process.runtime import run
 from masmc_ros.nodes.trajectory.follow_action import follow_action
 from masmc_ros.nodes.trajectory.path_input import PathInput
 from masmc_ros.nodes.trajectory.path_messages import PathRequest
 from masmc_ros.nodes.trajectory.received_paths import ReceivedPaths
 from masmc_ros.params.declaration import MutableValues
-from masmc_ros.reference.sampled_trajectory import PATH_RECEIVED
+from masmc_ros.reference.reference import PATH_RECEIVED
 from masmc_ros.reference.trajectory import path_values, Trajectory, TYPE
-from masmc_ros.robot.joint_names import check_frame_prefix, FRAME_PREFIX, joint_names
+from masmc_ros.robot.mechanisms import check_frame_prefix, FRAME_PREFIX, joint_names
 from masmc_ros.robot.robot import robot_of
-from masmc_ros.throttle import Throttle
 from nav_msgs.msg import Odometry, Path
 import numpy as np
 from rclpy.context import Context

@@ -13,15 +13,17 @@ from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError
 from masmc_ros.loop.controller_parameters import POSE_FRAME
 from masmc_ros.messages.cdr_layout import checked_stamp, UNREAD
-from masmc_ros.messages.frame_tree import FrameTree
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.platform_messages import odometry_numbers
 from masmc_ros.messages.topics import TRANSFORMS
-from masmc_ros.nodes.middleware.messages import deserialized
-from masmc_ros.nodes.middleware.past import subscribe, subscribe_with_past
-from masmc_ros.nodes.middleware.raw_types import raw_class
-from masmc_ros.nodes.process.base import SuiteNode
-from masmc_ros.nodes.process.diagnostics import Health, OK, WARN
+from masmc_ros.messages.transforms import FrameTree
+from masmc_ros.nodes.middleware.ros_topics import (
+    deserialized,
+    raw_class,
+    subscribe,
+    subscribe_with_past,
+)
+from masmc_ros.nodes.process.base import Health, OK, SuiteNode, WARN
 from masmc_ros.nodes.trajectory.path_messages import (
     MissingTransformError,
     PathMessages,
@@ -29,7 +31,7 @@ from masmc_ros.nodes.trajectory.path_messages import (
 )
 from masmc_ros.robot.base_pose import BasePose, OLDEST_POSE_NS
 from masmc_ros.robot.declaration import Mechanism
-from masmc_ros.robot.joint_names import joint_names
+from masmc_ros.robot.mechanisms import joint_names
 from nav_msgs.msg import Odometry
 from rclpy.serialization import serialize_message
 from rclpy.timer import Timer

@@ -19,12 +19,11 @@ from geometry_msgs.msg import Point, PoseStamped, Quaternion, Twist, TwistStampe
 from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.messages.cdr_layout import checked_stamp, ENCAPSULATION, NANOSECONDS, STAMP
-from masmc_ros.messages.frame_tree import moved
-from masmc_ros.nodes.middleware.messages import deserialized
+from masmc_ros.messages.transforms import moved
+from masmc_ros.nodes.middleware.ros_topics import deserialized
 from masmc_ros.reference.joint_path import JointPoints
-from masmc_ros.reference.pose_path import PosePoints
+from masmc_ros.reference.pose_path import PosePoints, TwistPoints
 from masmc_ros.reference.trajectory import Trajectory
-from masmc_ros.reference.twist_path import TwistPoints
 from masmc_ros.robot.declaration import BASE_FRAME, Mechanism, ODOM_FRAME
 from nav_msgs.msg import Path
 import numpy as np

@@ -31,12 +31,10 @@ from masmc_ros.nodes.trajectory.path_messages import PathRequest
 from masmc_ros.params.declaration import Values
 from masmc_ros.reference.jerk_limited import load_ruckig
 from masmc_ros.reference.joined import JoinedMotion, load_code, Motion, TrajectoryMotion
-from masmc_ros.reference.joint_path import JointPath, JointPoints, JointState
-from masmc_ros.reference.joint_task import JointTask
-from masmc_ros.reference.pose_path import HEADING, PosePoints, Speeds, TaskPath
+from masmc_ros.reference.joint_path import JointPath, JointPoints, JointState, JointTask
+from masmc_ros.reference.pose_path import HEADING, PosePoints, Speeds, TaskPath, TwistPoints
 from masmc_ros.reference.trajectory import Trajectory
-from masmc_ros.reference.twist_path import TwistPoints
-from masmc_ros.robot.joint_names import joint_names
+from masmc_ros.robot.mechanisms import joint_names
 from masmc_ros.robot.robot import Robot
 
 _BRAKING = 1.0

@@ -9,22 +9,12 @@ from collections.abc import Mapping, Sequence
 import math
 from typing import NamedTuple
 
-from masmc_ros.aliases import AnyArray, Array
-from masmc_ros.report.draw.style import (
-    BLACK,
-    BLUE,
-    COLUMN,
-    GREY,
-    new_figure,
-    PAGE,
-    plain,
-    VERMILLION,
-)
+from masmc_ros.aliases import AnyArray, Array, Flags
+from masmc_ros.report.draw import style
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 import numpy as np
-from numpy.typing import NDArray
 
 _HEIGHT = 66.0
 _LABELS = 6
@@ -63,30 +53,30 @@ def map_figure(axes: Sequence[MapAxis], values: Array, label: str) -> Figure:
         label = f'{label}, median over {", ".join(axis.name for axis in axes[2:])}'
         values = np.median(np.where(np.isnan(values), math.inf, values), axis=further)
         values = np.where(np.isfinite(values), values, np.nan)
-    figure = new_figure(COLUMN, _HEIGHT)
+    figure = style.new_figure(style.COLUMN, _HEIGHT)
     drawing = figure.add_subplot()
     _ticks(drawing, 'x', axes[0])
     if len(axes) == 1:
-        drawing.plot(np.arange(len(values)), values, 'o-', color=BLUE, markersize=2.5)
+        drawing.plot(np.arange(len(values)), values, 'o-', color=style.BLUE, markersize=2.5)
         for k in np.flatnonzero(np.isnan(values)).tolist():
-            drawing.axvspan(k - 0.5, k + 0.5, color=GREY, alpha=0.4, linewidth=0.0)
-        drawing.set_ylabel(plain(label))
+            drawing.axvspan(k - 0.5, k + 0.5, color=style.GREY, alpha=0.4, linewidth=0.0)
+        drawing.set_ylabel(style.plain(label))
         if _spans_decades(values):
             drawing.set_yscale('log')
         return figure
     _ticks(drawing, 'y', axes[1])
     drawing.grid(False)
-    drawing.set_facecolor(GREY)
+    drawing.set_facecolor(style.GREY)
     norm = LogNorm() if _spans_decades(values) else None
     image = drawing.imshow(
         np.ma.masked_invalid(values.T), origin='lower', aspect='auto', cmap='viridis', norm=norm
     )
-    figure.colorbar(image, label=plain(label))
+    figure.colorbar(image, label=style.plain(label))
     return figure
 
 
 def draws_figure(
-    drawn: Mapping[str, AnyArray], values: Array, lost: NDArray[np.bool_], label: str
+    drawn: Mapping[str, AnyArray], values: Array, lost: Flags, label: str
 ) -> Figure:
     """
     Draw a metric over the values of each draw; lost runs are marks at the upper edge.
@@ -97,23 +87,23 @@ def draws_figure(
     values, lost = _drawable(values[:_SHOWN]), lost[:_SHOWN]
     columns = min(_COLUMNS, len(drawn))
     rows = math.ceil(len(drawn) / columns)
-    figure = new_figure(PAGE if columns > 1 else COLUMN, _HEIGHT * 0.8 * rows)
+    figure = style.new_figure(style.PAGE if columns > 1 else style.COLUMN, _HEIGHT * 0.8 * rows)
     for place, (name, numbers) in enumerate(drawn.items(), start=1):
         drawing = figure.add_subplot(rows, columns, place)
         drawing.plot(
-            numbers, values, '.', color=BLUE, markersize=1.5, alpha=0.5, rasterized=True
+            numbers, values, '.', color=style.BLUE, markersize=1.5, alpha=0.5, rasterized=True
         )
         # At the upper edge of the axes whatever their scale.
         top = np.full(int(lost.sum()), 0.98)
         drawing.plot(
-            numbers[lost], top, 'x', color=VERMILLION, markersize=3.0,
+            numbers[lost], top, 'x', color=style.VERMILLION, markersize=3.0,
             transform=drawing.get_xaxis_transform(),
         )  # fmt: skip
         if _spans_decades(values):
             drawing.set_yscale('log')
         drawing.margins(x=0.03)
-        drawing.set_xlabel(plain(name))
-        drawing.set_ylabel(plain(label))
+        drawing.set_xlabel(style.plain(name))
+        drawing.set_ylabel(style.plain(label))
     return figure
 
 
@@ -134,19 +124,19 @@ def front_figure(
 
     """
     candidates, front, chosen, start = map(_drawable, (candidates, front, chosen, start))
-    figure = new_figure(COLUMN, _HEIGHT)
+    figure = style.new_figure(style.COLUMN, _HEIGHT)
     drawing = figure.add_subplot()
-    drawing.plot(*candidates.T, '.', color=GREY, markersize=2.0, label='candidates')
-    drawing.plot(*front.T, '.-', color=BLUE, markersize=3.5, label='front')
-    drawing.plot(*chosen.T, 'o', color=VERMILLION, markersize=5.0, label='chosen')
+    drawing.plot(*candidates.T, '.', color=style.GREY, markersize=2.0, label='candidates')
+    drawing.plot(*front.T, '.-', color=style.BLUE, markersize=3.5, label='front')
+    drawing.plot(*chosen.T, 'o', color=style.VERMILLION, markersize=5.0, label='chosen')
     if np.isfinite(start).all():
-        drawing.plot(*start.T, 's', color=BLACK, markersize=4.0, label='scenario')
+        drawing.plot(*start.T, 's', color=style.BLACK, markersize=4.0, label='scenario')
     for values, scale in ((candidates[:, 0], 'xscale'), (candidates[:, 1], 'yscale')):
         if _spans_decades(values):
             drawing.set(**{scale: 'log'})
     drawing.margins(0.05)
-    drawing.set_xlabel(plain(first))
-    drawing.set_ylabel(plain(second))
+    drawing.set_xlabel(style.plain(first))
+    drawing.set_ylabel(style.plain(second))
     drawing.legend()
     return figure
 
@@ -158,12 +148,13 @@ def _ticks(drawing: Axes, direction: str, axis: MapAxis) -> None:
     texts = [_text(axis.values[k]) for k in places.tolist()]
     drawing.set(**{
         f'{direction}ticks': places, f'{direction}ticklabels': texts,
-        f'{direction}label': plain(axis.name), f'{direction}lim': (-0.5, len(axis.values) - 0.5),
+        f'{direction}label': style.plain(axis.name),
+        f'{direction}lim': (-0.5, len(axis.values) - 0.5),
     })  # fmt: skip
 
 
 def _text(value: object) -> str:
-    return f'{value:.4g}' if isinstance(value, float) else plain(str(value))
+    return f'{value:.4g}' if isinstance(value, float) else style.plain(str(value))
 
 
 def _drawable(values: Array) -> Array:

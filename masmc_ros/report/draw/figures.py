@@ -7,13 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from masmc_ros.files import file_stem
 from masmc_ros.log.read.reader import Run
-from masmc_ros.output_files import file_stem
 from masmc_ros.report.digest import compared_runs, Digest
-from masmc_ros.report.draw.adaptation_figure import adaptation_figure
-from masmc_ros.report.draw.comparison import comparison_figure
-from masmc_ros.report.draw.error import error_figure
-from masmc_ros.report.draw.path_figure import path_figure
+from masmc_ros.report.draw.path_figures import path_figure
+from masmc_ros.report.draw.run_figures import adaptation_figure, comparison_figure, error_figure
 from masmc_ros.report.draw.style import figure_file, paper_style
 from masmc_ros.report.measure.labels import law_of, log_name
 from masmc_ros.report.measure.tracking import tracking

@@ -8,7 +8,7 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import NamedTuple
 
-from masmc_ros.aliases import Array
+from masmc_ros.aliases import Array, Indices
 from masmc_ros.errors import InputError
 from masmc_ros.law.parts.model import MODEL_SCALE
 from masmc_ros.log.read.reader import Run
@@ -19,7 +19,6 @@ from masmc_ros.report.measure.parameters import robot_of_node, run_changes
 from masmc_ros.robot.declaration import Quantity
 from masmc_ros.robot.robot import Robot
 import numpy as np
-from numpy.typing import NDArray
 
 _SMALLEST = 1.0e-9
 """Smallest value of a parameter that a ratio can have as its denominator, in SI units."""
@@ -117,7 +116,7 @@ def relative(
     return Adaptation(times, ratios, values[-1, shown], names, is_true)
 
 
-def divisors(values: Array) -> NDArray[np.intp]:
+def divisors(values: Array) -> Indices:
     """Return the indices of the parameters whose values (n, parameters) can divide estimates."""
     return np.flatnonzero((np.abs(values) > _SMALLEST).all(axis=0))
 

@@ -1,7 +1,15 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Metrics of a run."""
+"""
+Metrics of a run.
+
+Chatter is the share of the ticks at which the torque of a joint reverses its change. Changes from
+tick to tick count if they exceed 5 % of the torque limit, or without a limit 5 % of the largest
+torque of the run. A reversal is such a change whose sign is opposite to that of the one before it.
+An oscillation of period p ticks with a sufficient amplitude has a share of 2/p. Torques that
+follow a path, and small noise, have no reversals.
+"""
 
 from __future__ import annotations
 
@@ -11,19 +19,96 @@ from functools import cache
 import math
 from typing import Any, NamedTuple
 
-from masmc_ros.aliases import Array
+from masmc_ros.aliases import Array, Flags
 from masmc_ros.control.supervisor import Mode
 from masmc_ros.log.read.reader import Run
 from masmc_ros.loop.controller_events import ACTIVATED, DEACTIVATED, GUIDED, RESUMED
 from masmc_ros.loop.signals import largest_slip, least_normal_force
-from masmc_ros.report.measure.chatter import chatter_notes
+from masmc_ros.params.declaration import Values
 from masmc_ros.report.measure.labels import as_line
 from masmc_ros.report.measure.parameters import ParameterChange, run_changes
-from masmc_ros.report.measure.settling import settling_time
-from masmc_ros.report.measure.tracking import Tracking, tracking
-from masmc_ros.robot.declaration import Point
+from masmc_ros.report.measure.tracking import settling_time, Tracking, tracking
+from masmc_ros.robot.declaration import Coordinate, listed, Point
 import numpy as np
-from numpy.typing import NDArray
+
+_AMPLITUDE = 0.05
+"""Part of the limit from which a change counts."""
+
+_SHARE = 0.2
+"""Share of the ticks from which a joint chatters: an oscillation with 10 ticks per period."""
+
+_FEWEST_TICKS = 20
+"""Smallest number of ticks from which a share is computed."""
+
+_REMEDY = (
+    'expected switching implicit or tanh, lower gains, a larger gamma of an adaptive law, or a'
+    ' shorter control_period'
+)
+_NOISY = (
+    'the noise of the measured velocities contributes to it; expected lower gains, or a smaller'
+    ' velocity_noise'
+)
+
+_ROUNDING = 1.0e-6
+"""Torque in N·m or N below which changes are rounding errors."""
+
+
+def reversal_shares(torque: Array, scale: Array) -> Array:
+    """
+    Return the shares of reversals (joints) in [0, 1].
+
+    Parameters
+    ----------
+    torque
+        Torques (n, joints) of consecutive ticks in N·m or N.
+    scale
+        Torque limits (joints), or the largest torque of a joint without a limit.
+
+    """
+    if len(torque) < _FEWEST_TICKS:
+        return np.zeros(torque.shape[1])
+    change = np.diff(torque, axis=0)
+    is_large = np.abs(change) > np.maximum(_AMPLITUDE * scale, _ROUNDING)
+    rising = [column[large] > 0.0 for column, large in zip(change.T, is_large.T, strict=True)]
+    return np.array([np.count_nonzero(r[1:] != r[:-1]) for r in rising]) / len(change)
+
+
+def chatter_notes(
+    torque: Array, window: Array, parameters: Mapping[str, Values], joints: Sequence[Coordinate]
+) -> tuple[str, ...]:
+    """
+    Return a sentence about the joints that chatter; none if no joint does.
+
+    Parameters
+    ----------
+    torque
+        Torques (n, joints) of the whole run in N·m or N.
+    window
+        Torques of the window that is judged.
+    parameters
+        Parameters by node; a log may lack those of the plant.
+    joints
+        Driven joints of the robot.
+
+    """
+    if not len(window):
+        return ()
+    limits = np.full(len(joints), np.inf)
+    for node in ('controller', 'plant'):
+        limit = np.array(parameters.get(node, {}).get('torque_limit', 0.0))
+        limits = np.where(limit > 0.0, np.minimum(limit, limits), limits)
+    scale = np.where(np.isfinite(limits), limits, np.abs(torque).max(axis=0))
+    shares = reversal_shares(window, scale)
+    names = [joint.name for joint, share in zip(joints, shares, strict=True) if share > _SHARE]
+    if not names:
+        return ()
+    has_noise = np.any(parameters.get('plant', {}).get('velocity_noise', 0.0))
+    return (
+        f'the torque of {listed(names)} chatters: its change reverses at up to {shares.max():.0%}'
+        f' of the ticks, by more than {_AMPLITUDE:.0%} of the limit, or of the largest torque'
+        f' without a limit; {_NOISY if has_noise else _REMEDY}.',
+    )
+
 
 Window = tuple[float, float]
 
@@ -90,7 +175,7 @@ class MetricSamples:
         period: float,
         points: Sequence[Point],
         *,
-        active: NDArray[np.bool_] | slice = slice(None),
+        active: Flags | slice = slice(None),
         estimate: Array | None = None,
     ) -> MetricSamples:
         """
@@ -148,7 +233,7 @@ class MetricSamples:
         lost = float(missing[missing > period].sum())
         return ErrorSpan(float(times[0]), float(times[-1]), 1.0 - lost / max(end - start, period))
 
-    def _within(self, times: Array) -> NDArray[np.bool_]:
+    def _within(self, times: Array) -> Flags:
         start, end = self.window
         return (start <= times) & (times < end)
 

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from masmc_ros.aliases import Array, Stamps
 from masmc_ros.log.read.decode import Series
 from masmc_ros.log.read.gaps import gaps_in
 from masmc_ros.log.read.reader import Run
@@ -16,7 +17,6 @@ from masmc_ros.loop.timed_simulation import Responses
 from masmc_ros.loop.timing import CONTROL_PERIOD, PACING, Timing
 from masmc_ros.messages.cdr_layout import NANOSECONDS
 import numpy as np
-from numpy.typing import NDArray
 
 _MOST_LATE = 20
 """Largest number of commands that are newer than the one that acts, in real time."""
@@ -156,8 +156,8 @@ class Recomputed:
         self,
         what: str,
         logged: Series,
-        stamps: NDArray[np.int64],
-        computed: NDArray[np.float64],
+        stamps: Stamps,
+        computed: Array,
     ) -> None:
         _, mine, theirs = np.intersect1d(stamps, logged.stamps, return_indices=True)
         same = (

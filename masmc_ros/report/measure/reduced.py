@@ -18,7 +18,7 @@ from masmc_ros.loop.scenario import Scenario
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.timing import Timing
 from masmc_ros.report.measure.metrics import Metrics, MetricSamples, RunSums, second_half
-from masmc_ros.report.measure.settling import BAND, FLOOR, settled_after
+from masmc_ros.report.measure.tracking import BAND, FLOOR, settled_after
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.scenario.scenario import activation
 import numpy as np

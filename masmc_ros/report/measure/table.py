@@ -16,10 +16,9 @@ import sys
 from textwrap import fill
 from typing import NamedTuple
 
-from masmc_ros.report.aligned import aligned
 from masmc_ros.report.measure.metrics import declared, Metric, Metrics, Reached
-from masmc_ros.report.measure.settling import BAND, FLOOR
-from masmc_ros.report.measure.tracking import SMALL
+from masmc_ros.report.measure.tracking import BAND, FLOOR, SMALL
+from masmc_ros.result_text import aligned
 from masmc_ros.robot.declaration import listed, Point, symbols_of, units_of
 import numpy as np
 

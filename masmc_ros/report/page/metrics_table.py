@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 from masmc_ros.log.read.reader import Run
 from masmc_ros.report.measure.adaptation import Adaptation
-from masmc_ros.report.measure.differences import Difference, differences, LABELLED
 from masmc_ros.report.measure.metrics import Metrics
+from masmc_ros.report.measure.parameters import Difference, differences, LABELLED
 from masmc_ros.report.measure.table import cells, Column, DIGITS, heads, number, shown_columns
 from masmc_ros.report.panels import percent, plain_symbol
 

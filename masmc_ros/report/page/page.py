@@ -1,13 +1,14 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The report as one page without external resources: facts about the runs, plots and tables."""
+"""The report as one page without external resources: facts, plots, trends and tables."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from datetime import datetime, UTC
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,24 +16,22 @@ from markupsafe import Markup
 from masmc_ros.law.parts.model import MODEL_SCALE
 from masmc_ros.log.read.reader import Run
 from masmc_ros.report.measure.adaptation import assumed_model
-from masmc_ros.report.measure.differences import run_order
+from masmc_ros.report.measure.findings import verdict
 from masmc_ros.report.measure.labels import as_line
-from masmc_ros.report.measure.table import notes
-from masmc_ros.report.measure.verdict import verdict
+from masmc_ros.report.measure.metrics import Metrics
+from masmc_ros.report.measure.parameters import differences, run_order
+from masmc_ros.report.measure.table import notes, shown_columns
 from masmc_ros.report.page.interactive import adaptation_plots, comparison_plots, NAMED
-from masmc_ros.report.page.metrics_table import (
-    adaptation_table,
-    hidden_differences,
-    metrics_table,
-)
+from masmc_ros.report.page.metrics_table import adaptation_table, hidden_differences, metrics_table
 from masmc_ros.report.page.packed_samples import COMPLETE
-from masmc_ros.report.page.section import as_script, compressed, MANY, plots_of
+from masmc_ros.report.page.section import as_script, compressed, MANY, plots_of, Section
 from masmc_ros.report.page.template import rendered
-from masmc_ros.report.page.trends import trends
+from masmc_ros.report.panels import COLOURS
 from plotly.offline import get_plotlyjs
 
 if TYPE_CHECKING:
     from masmc_ros.report.digest import Digest
+
 
 _FIRST_DATE = 1.0e9
 """Time in s from which a stamp is a date; smaller ones count from the start of a simulation."""
@@ -171,3 +170,58 @@ def report_page(
 def _script(text: str) -> Markup:
     """Return a script without end tags in its text."""
     return Markup(text.replace('</script', '<\\/script'))
+
+
+def trends(
+    runs: Sequence[Run],
+    names: Sequence[str],
+    rows: Sequence[Metrics],
+    sections: Sequence[Section],
+) -> dict[str, object] | None:
+    """
+    Return the numbers of a plot of metrics over parameters; None without a numeric parameter.
+
+    Parameters
+    ----------
+    runs, names, rows, sections
+        Runs with their names, metrics and sections of the page.
+
+    """
+    several = differences(runs)
+    numbers = {entry.name: [_number(value) for value in entry.values] for entry in several}
+    numeric = {
+        name: values
+        for name, values in numbers.items()
+        if len({value for value in values if value is not None}) > 1
+    }
+    if not numeric:
+        return None
+    columns = shown_columns(rows)
+    return {
+        'runs': list(names),
+        'links': [section.id for section in sections],
+        'parameters': [{'name': name, 'values': values} for name, values in numeric.items()],
+        'groups': [{'name': entry.name, 'texts': entry.texts} for entry in several],
+        'colours': COLOURS,
+        'metrics': [
+            {
+                'name': f'{column.head} ({column.shown_unit})',
+                'values': [_finite(column.value(row), column.factor) for row in rows],
+            }
+            for column in columns
+        ],
+    }
+
+
+def _number(value: object) -> float | None:
+    """Return a number, also of a list of equal ones; None for other values."""
+    if isinstance(value, list | tuple) and value and all(entry == value[0] for entry in value):
+        value = value[0]
+    if isinstance(value, bool) or not isinstance(value, float | int):
+        return None
+    return _finite(value)
+
+
+def _finite(value: float | None, factor: float = 1.0) -> float | None:
+    """Return a value times a factor; None if it is not finite."""
+    return None if value is None or not math.isfinite(value) else value * factor

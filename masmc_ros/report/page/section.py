@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from markupsafe import Markup
+from masmc_ros.report.measure.findings import missing
 from masmc_ros.report.measure.labels import as_text
 from masmc_ros.report.measure.metrics import Metrics
-from masmc_ros.report.measure.missing import missing
 from masmc_ros.report.measure.parameters import change_texts, run_changes, value_text
 from masmc_ros.report.measure.table import remarks_of
 from masmc_ros.report.measure.tracking import Compared

@@ -23,7 +23,7 @@ from masmc_ros.numerics.elimination import factor, solve
 from masmc_ros.numerics.portable_math import sin_cos
 from masmc_ros.numerics.scalars import minus, zero
 from masmc_ros.robot.formula_types import HasGeometry, LawSettings
-from masmc_ros.robot.gradient_step import gradient_step
+from masmc_ros.robot.shared_formulas import gradient_step
 from masmc_ros.robot.tree import dynamics
 from masmc_ros.robot.tree.articulated import write_accelerations
 from masmc_ros.robot.tree.consistency import consistency_normal, weakest_motion

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 from functools import lru_cache
 
+from masmc_ros.aliases import Array
 from masmc_ros.errors import InputError
 from masmc_ros.numerics.portable_math import sin_cos
 from masmc_ros.params.declaration import Values
 from masmc_ros.robot.two_link.dynamics import BaseParameters
 from masmc_ros.robot.two_link.geometry import Geometry
 import numpy as np
-from numpy.typing import NDArray
 
 _SHORTEST_ARM_BASE = 1.0e-3
 
@@ -59,7 +59,7 @@ def start(
 
 
 def out_of_reach(
-    lengths: NDArray[np.float64], task: NDArray[np.float64]
+    lengths: Array, task: Array
 ) -> tuple[int, str] | None:
     """Return the first row (x_E, y_E, x_F, y_F) whose E the arm cannot reach, and a line on it."""
     robot = Geometry(*lengths)
@@ -77,7 +77,7 @@ def out_of_reach(
     )
 
 
-def comfortable_reach(lengths: NDArray[np.float64]) -> tuple[float, float]:
+def comfortable_reach(lengths: Array) -> tuple[float, float]:
     """Return the distances in m from F to E between which the arm is clear of its limits."""
     robot = Geometry(*lengths)
     least, most = abs(robot.link_1 - robot.link_2), robot.link_1 + robot.link_2
@@ -85,7 +85,7 @@ def comfortable_reach(lengths: NDArray[np.float64]) -> tuple[float, float]:
     return least + low * (most - least), least + high * (most - least)
 
 
-def payload_factors(lengths: NDArray[np.float64]) -> NDArray[np.float64]:
+def payload_factors(lengths: Array) -> Array:
     """Return the changes (7, 10) of theta by the moments of a payload on link 2."""
     geometry, fields = Geometry(*lengths), BaseParameters._fields
     factors = np.zeros((len(fields), 10))
@@ -103,7 +103,7 @@ def payload_factors(lengths: NDArray[np.float64]) -> NDArray[np.float64]:
     return factors
 
 
-def tip_on_link(lengths: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+def tip_on_link(lengths: Array) -> tuple[Array, ...]:
     """Return rotation (3, 3) and origin (3) in m of the tip's frame in that of link 2."""
     return np.eye(3), np.array([Geometry(*lengths).link_2, 0.0, 0.0])
 

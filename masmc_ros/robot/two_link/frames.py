@@ -18,7 +18,7 @@ from masmc_ros.numerics.portable_math import sin_cos
 from masmc_ros.robot.two_link.geometry import Geometry
 from masmc_ros.robot.two_link.paper_robot import FRAMES
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 PLATFORM_TOP = 3.0
 """Height of the platform's upper side as a multiple of the wheels' radius."""
@@ -32,7 +32,7 @@ def link_thickness(geometry: Geometry) -> float:
     return _THICKNESS * min(geometry.link_1, geometry.link_2)
 
 
-def frame_origins(lengths: ArrayLike) -> NDArray[np.float64]:
+def frame_origins(lengths: ArrayLike) -> Array:
     """
     Return the position of each frame of FRAMES in its parent, (6, 3) in m, for lengths (5).
 
@@ -50,7 +50,7 @@ def frame_origins(lengths: ArrayLike) -> NDArray[np.float64]:
 
 
 @kernel
-def frame_transforms(origins: Array, position: Array) -> NDArray[np.float64]:
+def frame_transforms(origins: Array, position: Array) -> Array:
     """
     Return the transforms (n, 6, 7) of states, in the order of FRAMES.
 

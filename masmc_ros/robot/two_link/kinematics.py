@@ -8,12 +8,18 @@ All maps are written in quasi-velocities (see the folder's docstring) and in the
 frame, into which world vectors are turned first. The paper's Jacobian is J = R J_a of (4);
 multiplying by it, by its derivative, its inverse and its transpose are the functions below,
 each in closed form.
+
+`base_motion` is the platform's pose and twist as odometry reports them.
 """
 
 from __future__ import annotations
 
-from masmc_ros.jit.compiled import formula
+from masmc_ros.aliases import Array
+from masmc_ros.jit.compiled import formula, kernel
+from masmc_ros.jit.scratch import clear
+from masmc_ros.numerics.portable_math import sin_cos
 from masmc_ros.robot.two_link.geometry import Geometry, Positions, Posture, Quad
+import numpy as np
 
 SINGULAR_SINE = 0.02
 """Largest |sin(theta_2)| of a singular arm."""
@@ -133,3 +139,27 @@ def task_from_forces(model: Geometry, posture: Posture, forces: Quad) -> Quad:
     ex, ey = rotate(posture.c0, posture.s0, ex, ey)
     fx, fy = rotate(posture.c0, posture.s0, fx, fy)
     return ex, ey, fx, fy
+
+
+@kernel
+def base_motion(
+    position: Array, velocity: Array
+) -> tuple[Array, Array]:
+    """
+    Return poses (n, 7) and twists (n, 6) of states, positions and velocities (n, 7).
+
+    Pose: x, y, z of `base_link` in `odom` in m and a quaternion x, y, z, w. Twist in
+    `base_link`: linear in m/s, angular in rad/s.
+    """
+    n = len(position)
+    pose, twist = np.empty((n, 7)), np.empty((n, 6))
+    clear(pose)
+    clear(twist)
+    for k in range(n):
+        pose[k, 0] = position[k, 0]
+        pose[k, 1] = position[k, 1]
+        pose[k, 5], pose[k, 6] = sin_cos(0.5 * position[k, 2])
+        s, c = sin_cos(position[k, 2])
+        twist[k, 0] = velocity[k, 0] * c + velocity[k, 1] * s
+        twist[k, 5] = velocity[k, 2]
+    return pose, twist

@@ -22,9 +22,8 @@ from masmc_ros.aliases import Array, Joints, Records
 from masmc_ros.jit.compiled import formula, kernel
 from masmc_ros.jit.lanes import lane_of
 from masmc_ros.numerics.hermite import quintic
-from masmc_ros.numerics.limits import clipped
 from masmc_ros.numerics.portable_math import angle_of, sin_cos
-from masmc_ros.numerics.scalars import nearest
+from masmc_ros.numerics.scalars import clipped, nearest
 from masmc_ros.robot.approach_blend import decayed, returned, task_state
 from masmc_ros.robot.formula_types import RobotLane
 from masmc_ros.robot.two_link.geometry import model_of

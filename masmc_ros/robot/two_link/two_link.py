@@ -12,13 +12,14 @@ from __future__ import annotations
 
 from masmc_ros.jit.compiled import formula
 from masmc_ros.numerics.portable_math import sin_cos
-from masmc_ros.robot.forward_dynamics import joint_accelerations
-from masmc_ros.robot.gradient_step import preserves_consistency, theta_step
-from masmc_ros.robot.square_task import (
+from masmc_ros.robot.shared_formulas import (
+    joint_accelerations,
     motion_error,
+    preserves_consistency,
     reference_motion,
     task_error,
     task_inertia,
+    theta_step,
     tracking,
 )
 from masmc_ros.robot.two_link.consistency import consistency_normal, weakest_motion
@@ -30,8 +31,7 @@ from masmc_ros.robot.two_link.constants import (
     start,
     tip_on_link,
 )
-from masmc_ros.robot.two_link.description import description
-from masmc_ros.robot.two_link.drawing import outline
+from masmc_ros.robot.two_link.description import description, outline
 from masmc_ros.robot.two_link.dynamics import (
     coriolis,
     inertia,
@@ -57,6 +57,7 @@ from masmc_ros.robot.two_link.geometry import (
     wheel_rates,
 )
 from masmc_ros.robot.two_link.kinematics import (
+    base_motion,
     forces_from_task,
     is_singular,
     motion_from_task,
@@ -65,7 +66,6 @@ from masmc_ros.robot.two_link.kinematics import (
     task_position,
     task_velocity,
 )
-from masmc_ros.robot.two_link.platform_motion import base_motion
 from masmc_ros.robot.two_link.polar_approach import approach_sample, approach_start, unfolded
 
 __all__ = [

@@ -17,18 +17,18 @@ from helpers.foreign_publishers import NESTED, random_message, record, TEXTS, TY
 from helpers.processes import BOUNDED, NODES, Peer, peer, processes, ros_arguments
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import read_run
-from masmc_ros.log.recover.recover import recover
+from masmc_ros.log.recover import recover
 from masmc_ros.log.write.recording import NOT_UNDERSTOOD
 from masmc_ros.messages.cdr_layout import END_OF_TIME
 from masmc_ros.messages.joint_state import JointStateCdr
-from masmc_ros.messages.names import DRIVEN_JOINTS
+from masmc_ros.messages.message import string_message
 from masmc_ros.messages.parameter_record import read_record, record_of
 from masmc_ros.messages.stamps import stamp_reader
-from masmc_ros.messages.std_msgs import string_message
 from masmc_ros.messages.telemetry import TelemetryCdr
+from masmc_ros.messages.topics import DRIVEN_JOINTS
 from masmc_ros.messages.transforms import TransformsCdr
-from masmc_ros.nodes.middleware.raw_types import raw_class
-from masmc_ros.nodes.plant.command_sources import base_sources, torque_sources
+from masmc_ros.nodes.middleware.ros_topics import raw_class
+from masmc_ros.nodes.plant.command_input import base_sources, torque_sources
 from masmc_ros.robot.mechanisms import DEFAULT
 from mcap.reader import make_reader
 import numpy as np

@@ -13,7 +13,7 @@ import textwrap
 
 from helpers.child_environment import child_environment, domain_variables
 from helpers.processes import PATIENCE, peer, processes
-from masmc_ros.messages.definitions import definition
+from masmc_ros.messages.cdr_layout import definition
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rclpy.duration import Duration
@@ -22,9 +22,9 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 WITHOUT = """
     import sys
     sys.modules['trajectory_msgs'] = sys.modules['trajectory_msgs.msg'] = None
-    from masmc_ros.messages import definitions
-    for name in [n for n in definitions._store().fielddefs if n.startswith('trajectory_msgs/')]:
-        del definitions._store().fielddefs[name]
+    from masmc_ros.messages import cdr_layout
+    for name in [n for n in cdr_layout._store().fielddefs if n.startswith('trajectory_msgs/')]:
+        del cdr_layout._store().fielddefs[name]
     from masmc_ros.nodes.recorder.node import main
     sys.exit(main(sys.argv[1:]))
 """

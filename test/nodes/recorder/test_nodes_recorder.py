@@ -31,10 +31,10 @@ from helpers.processes import (
     shortened,
 )
 from masmc_ros.log.read.reader import read_run
-from masmc_ros.log.recover.recover import is_complete
-from masmc_ros.messages.names import TELEMETRY
+from masmc_ros.log.recover import is_complete
+from masmc_ros.messages.message import text_of
 from masmc_ros.messages.stamps import header_stamp
-from masmc_ros.messages.std_msgs import text_of
+from masmc_ros.messages.topics import TELEMETRY
 from masmc_ros.scenario.scenario import load_scenario
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory

@@ -15,8 +15,8 @@ from masmc_ros.cli.main import main
 from masmc_ros.log.read.gaps import MISSING, state_gaps
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.messages.stamps import header_stamp
-from masmc_ros.nodes.middleware.qos import subscription_qos
-from masmc_ros.report.measure.missing import missing
+from masmc_ros.nodes.middleware.ros_topics import subscription_qos
+from masmc_ros.report.measure.findings import missing
 from masmc_ros.report.measure.tracking import tracking
 import pytest
 from sensor_msgs.msg import JointState

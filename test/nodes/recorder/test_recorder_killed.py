@@ -19,9 +19,9 @@ from tempfile import TemporaryDirectory
 from helpers.command_process import busy
 from helpers.processes import PAPER, Peer, peer, Processes, processes, ros_arguments
 from masmc_ros.log.read.reader import read_run
-from masmc_ros.log.recover.recover import recover
+from masmc_ros.log.recover import recover
 from masmc_ros.messages.stamps import header_stamp
-from masmc_ros.nodes.middleware.qos import subscription_qos
+from masmc_ros.nodes.middleware.ros_topics import subscription_qos
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 import pytest
