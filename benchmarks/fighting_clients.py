@@ -24,8 +24,7 @@ import time
 from benchmarks.live_nodes import end, memory, realtime_nodes
 from geometry_msgs.msg import PoseStamped, Transform, Twist, TwistStamped
 from masmc_ros.log.read.reader import read_run
-from masmc_ros.loop.simulation import Simulation
-from masmc_ros.loop.timed_simulation import TimedSimulation
+from masmc_ros.loop.simulation import Simulation, TimedSimulation
 from masmc_ros.report.measure.recomputed import logged_responses, Recomputed
 from masmc_ros.scenario.scenario import logged_scenario, logged_trajectory
 from nav_msgs.msg import Path as PathMessage

@@ -14,7 +14,7 @@ import sys
 
 from masmc_ros.law import registry
 from masmc_ros.law.smc import SMC
-from masmc_ros.loop import law_code, preparation
+from masmc_ros.loop import law_change, law_code
 from masmc_ros.loop.closed_loop import control_tick, post_update
 from masmc_ros.loop.controller import Controller
 from masmc_ros.robot.robot import robot_of
@@ -47,12 +47,12 @@ def test_preparation_loads_only_laws_that_fit(
     """An installed law for smaller robots does not stop a controller of another law."""
     small = replace(SMC, name='small', most_parameters=3)
     monkeypatch.setattr(law_code, 'laws', lambda: (small,))
-    monkeypatch.setattr(preparation, 'mark', lambda mechanism: tmp_path)
+    monkeypatch.setattr(law_change, 'mark', lambda mechanism: tmp_path)
     loaded: list[str] = []
     monkeypatch.setattr(
-        preparation, 'load', lambda mechanism, which: loaded.extend(law.name for law in which)
+        law_change, 'load', lambda mechanism, which: loaded.extend(law.name for law in which)
     )
-    assert preparation.prepare(TWO_LINK) is None
+    assert law_change.prepare(TWO_LINK) is None
     assert loaded == []
 
 
@@ -97,8 +97,8 @@ def test_preparation_process_has_no_real_time_priority() -> None:
 def test_preparation_pauses_while_a_request_compiles(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(preparation, 'mark', lambda mechanism: tmp_path / 'not there')
-    prepared = preparation.Preparation(TWO_LINK)
+    monkeypatch.setattr(law_change, 'mark', lambda mechanism: tmp_path / 'not there')
+    prepared = law_change.Preparation(TWO_LINK)
     first = prepared._process
     assert first is not None
     with prepared.paused(), prepared.paused():
@@ -118,8 +118,8 @@ def test_preparation_pauses_while_a_request_compiles(
 def test_preparation_process_node_exits_ends(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(preparation, 'mark', lambda mechanism: tmp_path / 'not there')
-    process = preparation.prepare(TWO_LINK)
+    monkeypatch.setattr(law_change, 'mark', lambda mechanism: tmp_path / 'not there')
+    process = law_change.prepare(TWO_LINK)
     assert isinstance(process, subprocess.Popen)
     try:
         with suppress(PermissionError):

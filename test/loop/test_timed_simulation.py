@@ -12,8 +12,8 @@ from helpers.processes import PAPER
 from masmc_ros.cli.main import main
 from masmc_ros.log.read.decode import Series
 from masmc_ros.log.read.reader import read_run, Run
+from masmc_ros.loop.simulation import Responses, TimedSimulation
 from masmc_ros.loop.tick_block import TickBlock
-from masmc_ros.loop.timed_simulation import Responses, TimedSimulation
 from masmc_ros.params.declaration import Values
 from masmc_ros.report.measure.recomputed import logged_responses, Recomputed
 from masmc_ros.scenario.scenario import logged_scenario

@@ -27,9 +27,8 @@ from masmc_ros.log.read.reader import is_log, read_run, Run
 from masmc_ros.loop.plant_parameters import INITIAL_JOINTS
 from masmc_ros.loop.scenario import Scenario
 from masmc_ros.loop.signals import largest_slip
-from masmc_ros.loop.simulation import Simulation
+from masmc_ros.loop.simulation import Simulation, TimedSimulation
 from masmc_ros.loop.tick_block import Change
-from masmc_ros.loop.timed_simulation import TimedSimulation
 from masmc_ros.reference.reference import SampledTrajectory
 from masmc_ros.report.measure.labels import law_label
 from masmc_ros.report.measure.metrics import chatter_notes, MetricSamples

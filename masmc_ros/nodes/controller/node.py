@@ -46,9 +46,8 @@ from masmc_ros.loop.controller_parameters import (
     HOLD,
     TELEMETRY_DECIMATION,
 )
-from masmc_ros.loop.law_change import Effect, LawChange
+from masmc_ros.loop.law_change import Effect, LawChange, Preparation
 from masmc_ros.loop.plant_parameters import MEASUREMENT_DELAY
-from masmc_ros.loop.preparation import Preparation
 from masmc_ros.loop.safe_stop import SafeStop
 from masmc_ros.loop.simulated_robot import stamp_age
 from masmc_ros.loop.timing import PACING, Timing

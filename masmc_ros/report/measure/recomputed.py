@@ -12,8 +12,8 @@ from masmc_ros.log.read.reader import Run
 from masmc_ros.loop.plant_parameters import TORQUE_LIMIT
 from masmc_ros.loop.records import is_compensated
 from masmc_ros.loop.scenario import Scenario
+from masmc_ros.loop.simulation import Responses
 from masmc_ros.loop.tick_block import TickBlock
-from masmc_ros.loop.timed_simulation import Responses
 from masmc_ros.loop.timing import CONTROL_PERIOD, PACING, Timing
 from masmc_ros.messages.cdr_layout import NANOSECONDS
 import numpy as np
