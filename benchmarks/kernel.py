@@ -198,7 +198,7 @@ def lanes_seconds(
         robot['phase'] += apart * np.arange(lanes)
         delay_buffer = delay_line(robot, mechanism)
         plant_start(robot, state, delay_buffer, current_signals)
-        arguments = (None, robot, state, delay_buffer, gains, memory, current_signals)
+        arguments = (robot, state, delay_buffer, gains, memory, current_signals)
         # A check of the types at each call would take longer than a tick of a lane.
         run_block = bound(closed_loop, *arguments, 0, False, reference, signals)
         start = time.perf_counter()

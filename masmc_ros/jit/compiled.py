@@ -37,7 +37,14 @@ from masmc_ros.errors import InputError, UserError
 from masmc_ros.jit.code_files import CodeFiles, Key, LOCKS
 from masmc_ros.jit.compiler_errors import COMPILER_ERRORS, explained
 from masmc_ros.jit.generated import Types
-from masmc_ros.jit.inlined_code import CalledCompiler, ExportedCompiler, InlinedCompiler
+from masmc_ros.jit.inlined_code import (
+    are_sizes_at_run_time,
+    CalledCompiler,
+    ExportedCompiler,
+    InlinedCompiler,
+    KernelCompiler,
+    subroutines_of,
+)
 from masmc_ros.jit.sized_records import has_sized_records, type_of
 from masmc_ros.jit.sources import digest, files_of_types, remember
 from masmc_ros.jit.supported_numba import (
@@ -51,7 +58,6 @@ from numba import __version__ as numba_version
 from numba import config, njit
 from numba.core import event
 from numba.core.codegen import ll
-from numba.core.types import WrapperAddressProtocol
 from numba.core.typing import Signature
 import numpy as np
 
@@ -149,6 +155,16 @@ class Formula:
                 return self.py_func(*_with_ieee_division(arguments))
 
 
+class _Part(Formula):
+    """Formula whose statements replace its calls in compiled functions of constant sizes."""
+
+    @property
+    def targetoptions(self) -> Mapping[str, str]:
+        """Return the option by which Numba decides whether statements replace the calls."""
+        is_called = getattr(_thread, 'is_exporting', False) or are_sizes_at_run_time()
+        return {'inline': 'never' if is_called else 'always'}
+
+
 def _with_ieee_division(value: Any) -> Any:
     """Return numbers in nested tuples as those of NumPy, which divide by zero as compiled code."""
     if isinstance(value, tuple):
@@ -160,17 +176,24 @@ def _with_ieee_division(value: Any) -> Any:
 class Kernel(Formula):
     """Compiled function that Python calls; the attributes are those of Numba's dispatcher."""
 
-    def __init__(self, function: Function, compiled: Function) -> None:
-        """Initialise the kernel of a function in plain Python."""
+    def __init__(
+        self,
+        function: Function,
+        compiled: Function,
+        compiler: type[InlinedCompiler] = InlinedCompiler,
+    ) -> None:
+        """Initialise the kernel of a function, with the compiler for calls from other kernels."""
         super().__init__(function, CalledCompiler)
         self.__dict__['_compiled'] = compiled
+        self._compiler_of_called = compiler
 
     @cached_property
     def _called(self) -> Any:
-        # Its callers optimise it and make its instructions.
+        # Callers optimise it and make its instructions, unless it is a subroutine.
         return _compile(
-            self.py_func, 'called', no_cpython_wrapper=True, pipeline_class=InlinedCompiler
-        )
+            self.py_func, 'called', no_cpython_wrapper=True,
+            pipeline_class=self._compiler_of_called,
+        )  # fmt: skip
 
     def __call__(self, *arguments: object) -> Any:
         """Call it from Python; raise InputError with one line if it cannot be compiled."""
@@ -211,17 +234,6 @@ def formula(function: AnyFunction) -> AnyFunction:
     return function if _settings.DISABLE_JIT else cast(AnyFunction, Formula(function))
 
 
-def subroutine(function: AnyFunction) -> AnyFunction:
-    """
-    Compile a formula of many operations; robots whose sizes are known at run time call it.
-
-    Inlined, it would make functions so long that they compile for several times as long.
-    """
-    if _settings.DISABLE_JIT:
-        return function
-    return cast(AnyFunction, Formula(function, CalledCompiler))
-
-
 def inlined(function: AnyFunction) -> AnyFunction:
     """
     Compile a function such that its statements replace its calls in compiled functions.
@@ -236,10 +248,44 @@ def inlined(function: AnyFunction) -> AnyFunction:
     return cast(AnyFunction, compiled)
 
 
+def subroutine(function: AnyFunction) -> AnyFunction:
+    """
+    Compile a formula of many operations; robots whose sizes are known at run time call it.
+
+    It is compiled once for all callers, which contain its name only.
+    """
+    if _settings.DISABLE_JIT:
+        return function
+    return cast(AnyFunction, Formula(function, CalledCompiler))
+
+
+def part(function: AnyFunction) -> AnyFunction:
+    """
+    Compile a part of a tick: for sizes known at run time as `subroutine`, others as `inlined`.
+
+    Parts that do not depend on the law are compiled once for all laws, see `lanes.shared`.
+    """
+    if _settings.DISABLE_JIT:
+        return function
+    return cast(AnyFunction, _Part(function, CalledCompiler))
+
+
 def kernel(function: AnyFunction) -> AnyFunction:
     """Compile a function over arrays, and store its compiled code on the disk."""
     compiled = _compile(function)
     return cast(AnyFunction, compiled if _settings.DISABLE_JIT else Kernel(function, compiled))
+
+
+def called_kernel(function: AnyFunction) -> AnyFunction:
+    """
+    Compile a kernel that other kernels call, as `subroutine`, if its sizes are known at run time.
+
+    Other kernels are a part of the code of their callers.
+    """
+    compiled = _compile(function)
+    if _settings.DISABLE_JIT:
+        return cast(AnyFunction, compiled)
+    return cast(AnyFunction, Kernel(function, compiled, CalledCompiler))
 
 
 def kernel_of_threads(function: AnyFunction) -> AnyFunction:
@@ -250,47 +296,6 @@ def kernel_of_threads(function: AnyFunction) -> AnyFunction:
     """
     compiled = _compile(function, nogil=True)
     return cast(AnyFunction, compiled if _settings.DISABLE_JIT else Kernel(function, compiled))
-
-
-def called_by_address(function: AnyFunction) -> AnyFunction:
-    """
-    Compile a function that kernels call by its address, see `address_of`.
-
-    Numba compiles all other callees again in each kernel. The function must not raise an error.
-    """
-    compiled = _compile(function, no_cpython_wrapper=True, no_cfunc_wrapper=False)
-    return cast(AnyFunction, compiled if _settings.DISABLE_JIT else Kernel(function, compiled))
-
-
-class _CodeAddress(WrapperAddressProtocol):
-    """Argument of a kernel: a compiled function, which the kernel calls by its address."""
-
-    def __init__(self, code: Any) -> None:
-        """Initialise the argument with the compiled code of a function."""
-        self._code = code
-
-    def __wrapper_address__(self) -> int:
-        """Return the address of the code."""
-        name = self._code.fndesc.llvm_cfunc_wrapper_name
-        return cast(int, self._code.library.get_pointer_to_function(name))
-
-    def signature(self) -> Signature:
-        """Return the types of the arguments and of the result."""
-        return cast(Signature, self._code.signature)
-
-
-def address_of(function: Function, *arguments: object) -> Function | None:
-    """
-    Return a function as an argument for kernels, compiled for the types of these arguments.
-
-    Returns None if kernels run as plain Python. Raises InputError with one line if the function
-    cannot be compiled.
-    """
-    if not isinstance(function, Kernel) or _is_interpreting():
-        return None
-    bound(function, *arguments)
-    code = function.overloads[tuple(map(type_of, arguments))]
-    return cast(Function, _CodeAddress(code))
 
 
 def is_interpreted() -> bool:
@@ -341,8 +346,22 @@ def is_on_disk(kernel: Function, *arguments: object) -> bool:
 
 
 def is_whole_on_disk(kernel: Function, *arguments: object) -> bool:
-    """Return True if the disk has the compiled code; reads the file to check it."""
-    return _code_files(kernel).read(_code_key(kernel, arguments)) is not None
+    """Return True if the disk has the compiled code with its subroutines; reads their files."""
+    return _are_whole([(kernel, tuple(map(type_of, arguments)))])
+
+
+def _are_whole(functions: list[tuple[Any, Types]]) -> bool:
+    """Return True if the disk has the code of dispatchers for these types of arguments."""
+    known = set(functions)
+    while functions:
+        dispatcher, kinds = functions.pop()
+        data = _code_files(dispatcher).read(_key(dispatcher, kinds))
+        if data is None:
+            return False
+        called = {(s.dispatcher, s.arguments) for s in subroutines_of(cast(list[Any], data))}
+        functions += called - known
+        known |= called
+    return True
 
 
 def _code_files(kernel: Function) -> CodeFiles:
@@ -351,10 +370,12 @@ def _code_files(kernel: Function) -> CodeFiles:
 
 
 def _code_key(kernel: Function, arguments: tuple[object, ...]) -> Key:
-    """Return the key under which Numba keeps the code for the types of arguments."""
-    dispatcher = cast(Kernel, kernel)
-    codegen = dispatcher.targetctx.codegen()
-    key: Key = dispatcher._cache._index_key(tuple(map(type_of, arguments)), codegen)
+    return _key(kernel, tuple(map(type_of, arguments)))
+
+
+def _key(dispatcher: Any, kinds: Types) -> Key:
+    """Return the key under which Numba keeps the code for types of arguments."""
+    key: Key = dispatcher._cache._index_key(kinds, dispatcher.targetctx.codegen())
     return key
 
 
@@ -376,7 +397,10 @@ def _compile(function: Function, kind: str = '', **options: Any) -> Any:
     previous, _settings.CACHE_DIR = _settings.CACHE_DIR, str(code_directory())
     try:
         # No caller uses C's conventions, and a wrapper for them takes long to compile.
-        options = {'error_model': 'numpy', 'cache': True, 'no_cfunc_wrapper': True, **options}
+        options = {
+            'error_model': 'numpy', 'cache': True, 'no_cfunc_wrapper': True,
+            'pipeline_class': KernelCompiler, **options,
+        }  # fmt: skip
         compiled = njit(**options)(function)
     finally:
         _settings.CACHE_DIR = previous

@@ -241,6 +241,27 @@ def _lane_of(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     return part._getvalue()
 
 
+def shared(lane: Any) -> Any:
+    """
+    Return a lane of which only the first fields are known, those that all laws share.
+
+    For robots whose sizes are known at run time, functions with such arguments are compiled once
+    for all laws.
+    """
+    return lane
+
+
+def _type_of_shared(context: TypingContext, lane: Type) -> Type:
+    if isinstance(lane, SizedLaneType):
+        return SizedLaneType(SizedRecordType(lane.record.schema.shared))
+    return lane if isinstance(lane, LaneType) else None
+
+
+@generated(shared, _type_of_shared)
+def _shared(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
+    return values[0]
+
+
 def in_place(lane: Any, name: str) -> Array:
     """Return a vector of one lane as an array (components) that reads and writes the record."""
     return lane._values(name)

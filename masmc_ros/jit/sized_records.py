@@ -47,6 +47,9 @@ LAYOUT = f'{TAG}layout'
 CONSTANT = f'{TAG}constant'
 """Tag of records that kernels do not write; a vector of one lane then shares their memory."""
 
+SHARED = 'shared'
+"""Name of the tag with the number of the first fields that are shared, see `lanes.shared`."""
+
 _SIZE, _CHECKSUM, _FIRST = range(3)
 """Entries of a layout: size in bytes, checksum, and the first pair of place and number."""
 
@@ -74,6 +77,17 @@ class Schema:
     def is_constant(self) -> bool:
         """Return True if kernels do not write the record."""
         return CONSTANT in self.tags
+
+    @cached_property
+    def shared(self) -> Schema:
+        """Return the schema of the fields that `SHARED` counts, and of the tags before it."""
+        names = [tag.split(TAG)[0] for tag in self.tags]
+        if SHARED not in names:
+            return self
+        place = names.index(SHARED)
+        count = int(self.tags[place].split(TAG)[1])
+        constant = (CONSTANT,) if self.is_constant else ()
+        return Schema(self.fields[:count], (*self.tags[:place], *constant), self.lanes)
 
     @cached_property
     def places(self) -> Mapping[str, int]:
@@ -214,8 +228,8 @@ def has_sized_records(arguments: tuple[object, ...]) -> bool:
 
 
 def has_sizes_at_run_time(kind: Type) -> bool:
-    """Return True for a record of sizes at run time, its lanes and vectors, and tuples of them."""
-    if isinstance(kind, SizedRecordType) or is_sized(kind):
+    """Return True for records of sizes at run time, their lanes, vectors, and tuples of them."""
+    if isinstance(kind, _TypeOfSchema) or is_sized(kind):
         return True
     parts = (getattr(kind, 'record', None), *getattr(kind, 'types', ()))
     return any(has_sizes_at_run_time(part) for part in parts if part is not None)

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
 
-from masmc_ros.aliases import Array, Function, Records
+from masmc_ros.aliases import Array, Records
 from masmc_ros.errors import InputError
 from masmc_ros.jit.record import fill, lanes_of, take_over, uninitialised
 from masmc_ros.law.command_interface import check_agreement, is_hybrid, takes_rates
@@ -27,7 +27,6 @@ from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import (
     closed_loop,
     plant_start,
-    plant_step_of,
     post_update,
     reduce_signals,
     reduced_loop,
@@ -287,7 +286,6 @@ class BatchSimulation(BatchRecords):
     def _ticks(
         self, first: int, count: int
     ) -> tuple[
-        Function | None,
         Records,
         Records,
         Array,
@@ -301,7 +299,6 @@ class BatchSimulation(BatchRecords):
         """Return the arguments of a kernel for ticks `first` to `first + count - 1`."""
         assert self.timing.last is not None
         return (
-            plant_step_of(self._plant, self._state, self._delayed, self._now),
             self._plant,
             self._state,
             self._delayed,

@@ -24,18 +24,11 @@ signals
 
 from __future__ import annotations
 
-from masmc_ros.aliases import Array, Function, Integers, Numbers, Record, Records
+from masmc_ros.aliases import Array, Integers, Numbers, Record, Records
 from masmc_ros.jit.arrays import to_vector
-from masmc_ros.jit.compiled import (
-    address_of,
-    called_by_address,
-    formula,
-    kernel,
-    kernel_of_threads,
-)
+from masmc_ros.jit.compiled import formula, kernel, kernel_of_threads, part
 from masmc_ros.jit.lanes import lane_of
 from masmc_ros.jit.record import copied, copy_to, lane_count
-from masmc_ros.jit.sized_records import has_layout
 from masmc_ros.jit.tuples import dot, elementwise, joined, tail, thirds
 from masmc_ros.jit.vectors import check_workspace, free, mark
 from masmc_ros.law import law
@@ -388,7 +381,7 @@ def _self_difference(value: float) -> float:
 # Whole simulations.
 
 
-@called_by_address
+@part
 def _plant_step(
     plant_settings: Record, plant_memory: Record, delay_line: Array, tick: int, signals: Record
 ) -> None:
@@ -396,24 +389,8 @@ def _plant_step(
     observe(plant_settings, plant_memory, delay_line, tick + 1, signals)
 
 
-def plant_step_of(
-    plant_settings: Records, plant_memory: Records, delay_line: Array, signals: Records
-) -> Function | None:
-    """
-    Return the plant tick that loops call by its address, or None for loops that inline it.
-
-    For robots of URDFs, the plant has one compiled code for all laws. Loops of the paper's robot
-    inline the plant, so their lanes vectorise.
-    """
-    if not has_layout(plant_settings.dtype):
-        return None
-    records = plant_settings[0], plant_memory[0], delay_line, 0, signals[0]
-    return address_of(_plant_step, *records)
-
-
 @kernel_of_threads
 def closed_loop(
-    plant_step: Function | None,
     plant_settings: Records,
     plant_memory: Records,
     delay_line: Array,
@@ -430,8 +407,6 @@ def closed_loop(
 
     Parameters
     ----------
-    plant_step
-        Plant tick by `plant_step_of`, or None to inline it.
     plant_settings, plant_memory, delay_line, settings, memory
         See the module docstring.
     signals
@@ -469,11 +444,7 @@ def closed_loop(
             residual += finite_residual(single.true_position)
         if final and k == n - 1:
             break
-        if plant_step is None:
-            advance(plant_constants, plant_state, delay_line, first + k, row, False)
-            observe(plant_constants, plant_state, delay_line, first + k + 1, row)
-        else:
-            plant_step(plant_constants, plant_state, delay_line, first + k, row)
+        _plant_step(plant_constants, plant_state, delay_line, first + k, row)
     copy_to(plant_state, plant_memory[0])
     copy_to(control_state, memory[0])
     copy_to(row, signals[0])
@@ -483,7 +454,6 @@ def closed_loop(
 
 @kernel_of_threads
 def reduced_loop(
-    plant_step: Function | None,
     plant_settings: Records,
     plant_memory: Records,
     delay_line: Array,
@@ -505,7 +475,7 @@ def reduced_loop(
 
     Parameters
     ----------
-    plant_step, plant_settings, plant_memory, delay_line, settings, memory, signals
+    plant_settings, plant_memory, delay_line, settings, memory, signals
         See `closed_loop`.
     first, final, reference
         See `closed_loop`.
@@ -533,11 +503,7 @@ def reduced_loop(
         reduce_tick(sums, row, points, settling, first + k, start, end)
         if final and k == n - 1:
             break
-        if plant_step is None:
-            advance(plant_constants, plant_state, delay_line, first + k, row, False)
-            observe(plant_constants, plant_state, delay_line, first + k + 1, row)
-        else:
-            plant_step(plant_constants, plant_state, delay_line, first + k, row)
+        _plant_step(plant_constants, plant_state, delay_line, first + k, row)
     copy_to(plant_state, plant_memory[0])
     copy_to(control_state, memory[0])
     copy_to(row, signals[0])

@@ -5,21 +5,22 @@
 
 from __future__ import annotations
 
-from masmc_ros.aliases import Record
-from masmc_ros.jit.compiled import formula, inlined
+from masmc_ros.aliases import Joints, Record
+from masmc_ros.jit.compiled import formula, inlined, part
 from masmc_ros.jit.field import Field
-from masmc_ros.jit.lanes import lane_of
+from masmc_ros.jit.lanes import lane_of, shared
 from masmc_ros.jit.record import copy_lane, copy_to, lane_count
 from masmc_ros.jit.tuples import elementwise, tail, thirds
 from masmc_ros.jit.vectors import free, mark
 from masmc_ros.law import law
 from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.parts import delay_compensation, joint_limits, moving_base, velocity_estimator
+from masmc_ros.law.parts.adaptation import REACHING_FORCE
 from masmc_ros.law.parts.command_limits import within_limits
 from masmc_ros.law.parts.delay_prediction import State
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.velocity_estimator import estimate_rates, ESTIMATED, note_disturbance
-from masmc_ros.law.tick import tick_of
+from masmc_ros.law.tick import Tick, tick_of
 from masmc_ros.numerics.scalars import minus
 from masmc_ros.plant_model.plant_fields import Signals
 from masmc_ros.robot import drift, mechanism
@@ -40,6 +41,7 @@ MEMORY = (
     *drift.MEMORY,
     Field('velocity_command', 'joints', 'Rates commanded at the last tick', 'm/s, rad/s'),
     Field('disturbance', 'axes', "The law's disturbance estimate d", 'N'),
+    REACHING_FORCE,
 )
 """Memory of every law in addition to its declared fields."""
 
@@ -96,7 +98,7 @@ def _estimate(settings: Record, memory: Record, signals: Record) -> int:
     # A vectorised loop computes all lanes or none.
     estimators = 0 if estimated == 0 or delay_compensation.is_on(settings) else lanes
     for lane in range(estimators):
-        gains, state = lane_of(settings, lane), lane_of(memory, lane)
+        gains, state = shared(lane_of(settings, lane)), shared(lane_of(memory, lane))
         if gains.velocity_source == ESTIMATED:
             position = lane_of(signals, lane).position
             knows = not ((gains.takes_rates != 0) | moving_base.moves_by_velocity(gains))
@@ -108,7 +110,7 @@ def _estimate(settings: Record, memory: Record, signals: Record) -> int:
 def _finish(settings: Record, memory: Record, signals: Record, estimators: int) -> None:
     """Pass the disturbance to the estimators, and update the law's memory after the tick."""
     for lane in range(estimators):
-        gains, state = lane_of(settings, lane), lane_of(memory, lane)
+        gains, state = shared(lane_of(settings, lane)), shared(lane_of(memory, lane))
         if gains.velocity_source == ESTIMATED:
             model = mechanism.model_of(gains)
             posture = mechanism.posture(model, lane_of(signals, lane).position)
@@ -120,7 +122,20 @@ def _finish(settings: Record, memory: Record, signals: Record, estimators: int) 
 @inlined
 def _control(settings: Settings, memory: Memory, signals: Signals) -> None:
     """Compute one tick of one lane."""
-    place, before = mark(settings), memory.commanded
+    place = mark(settings)
+    common, state = shared(settings), shared(memory)
+    tick, rates = _tick(common, state, signals)
+    raw = law.torque(settings, tick, memory)
+    raw, torque = _commanded(common, state, tick, rates, raw)
+    law.learn(settings, tick, memory, raw, torque)
+    _report(common, state, signals, tick, raw, torque)
+    free(settings, place)
+
+
+@part
+def _tick(settings: Settings, memory: Memory, signals: Signals) -> tuple[Tick, Joints]:
+    """Return the inputs of the law, and the joint rates (joints) in that state."""
+    before = memory.commanded
     model = mechanism.model_of(settings)
     measured = tail(signals.velocity, before)
     is_estimated = settings.velocity_source == ESTIMATED
@@ -134,6 +149,7 @@ def _control(settings: Settings, memory: Memory, signals: Signals) -> None:
             thirds(signals.reference),
         ),
     )
+    signals.estimate = memory.estimate
     posture = mechanism.posture(model, state.position)
     tick = tick_of(
         settings,
@@ -145,26 +161,40 @@ def _control(settings: Settings, memory: Memory, signals: Signals) -> None:
         memory.drift,
         delay_compensation.base_command(settings, memory),
     )
-    signals.estimate = memory.estimate
-    raw = law.torque(settings, tick, memory)
-    raw = delay_compensation.reduced_torque(settings, memory, posture, raw)
+    return tick, state.rates
+
+
+@part
+def _commanded(
+    settings: Settings, memory: Memory, tick: Tick, rates: Joints, raw: Joints
+) -> tuple[Joints, Joints]:
+    """Return the corrected torques (joints) that the law requests, and the commanded ones."""
+    before = memory.commanded
+    raw = delay_compensation.reduced_torque(settings, memory, tick.posture, raw)
     raw = moving_base.commanded_torque(settings, memory, tick.command, raw)
     torque = joint_limits.kept_torque(
         settings,
         memory,
-        posture,
-        tail(state.position, before),
-        state.rates,
+        tick.posture,
+        tail(tick.position, before),
+        rates,
         before,
         within_limits(settings, raw, before),
     )
     memory.commanded = torque
-    law.learn(settings, tick, memory, raw, torque)
+    return raw, torque
+
+
+@part
+def _report(
+    settings: Settings, memory: Memory, signals: Signals, tick: Tick, raw: Joints, torque: Joints
+) -> None:
+    """Update the drift, and write the results of the tick into the signals."""
     # The estimate of the compensation includes the drift.
     if not delay_compensation.is_on(settings):
         mechanism.follow_drift(
-            model,
-            posture,
+            tick.model,
+            tick.posture,
             settings,
             memory,
             tick.velocity,
@@ -172,7 +202,7 @@ def _control(settings: Settings, memory: Memory, signals: Signals) -> None:
             tick.surface,
             elementwise(minus, raw, torque),
         )
-        moving_base.restrict_drift(settings, memory, posture)
+        moving_base.restrict_drift(settings, memory, tick.posture)
     signals.raw_torque = raw
     signals.torque = torque
     signals.rates = memory.velocity_command
@@ -181,7 +211,6 @@ def _control(settings: Settings, memory: Memory, signals: Signals) -> None:
     signals.error = error
     signals.surface = tick.surface
     signals.singular = tick.is_singular
-    free(settings, place)
 
 
 @formula

@@ -16,6 +16,7 @@ from masmc_ros.aliases import Records
 from masmc_ros.errors import InputError
 from masmc_ros.jit.field import Field, field_of
 from masmc_ros.jit.record import AT_RUN_TIME, fill, new_record
+from masmc_ros.jit.sized_records import SHARED
 from masmc_ros.law.command_interface import (
     by_velocity,
     COMMAND_INTERFACE,
@@ -23,7 +24,7 @@ from masmc_ros.law.command_interface import (
     EFFORT,
     takes_rates,
 )
-from masmc_ros.law.declared import declared_for
+from masmc_ros.law.declared import Declared, declared_for
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts import delay_compensation, delay_fields, joint_limits
 from masmc_ros.law.parts.model import MODEL_SCALE, PAYLOAD_COM, PAYLOAD_INERTIA, PAYLOAD_MASS
@@ -55,22 +56,33 @@ def law_settings(
     `is_hybrid`: the base follows velocities, and the arm torques. `compensated`: latency is
     compensated. `limited`: joint limits are enforced.
     """
-    own = (*shared_parameters(mechanism), *law.parameters)
-    declared = map(field_of, declared_for(mechanism, own))
+    shared = _fields_of(mechanism, shared_parameters(mechanism))
+    own = _fields_of(mechanism, law.parameters)
     further = (
         *(joint_limits.SETTINGS if limited else ()),
         *(delay_fields.SETTINGS if compensated else ()),
     )
-    fields = (*further, *control.SETTINGS, *(field for field in declared if field is not None))
+    first = (*further, *control.SETTINGS, *shared)
     tags = {
         'mechanism': mechanism.tag,
-        'law': law_tag(law),
-        'switching': switching if law.uses_switching else '',
         'base': BY_VELOCITY if is_hybrid else BY_TORQUE,
         'compensation': delay_compensation.ON if compensated else delay_compensation.OFF,
         'limits': joint_limits.ON if limited else joint_limits.OFF,
+        **_shared(first),
+        'law': law_tag(law),
+        'switching': switching if law.uses_switching else '',
     }
-    return new_record(fields, mechanism.sizes, lanes, tags, is_constant=True)
+    return new_record((*first, *own), mechanism.sizes, lanes, tags, is_constant=True)
+
+
+def _fields_of(mechanism: Mechanism, declared: Iterable[Declared]) -> list[Field]:
+    fields = map(field_of, declared_for(mechanism, declared))
+    return [field for field in fields if field is not None]
+
+
+def _shared(first: Iterable[Field]) -> dict[str, str]:
+    """Return the tag of a record whose first fields do not depend on the law."""
+    return {SHARED: str(len({field.name for field in first}))}
 
 
 def write_law(
@@ -120,26 +132,27 @@ def law_memory(
     limited: bool = False,
 ) -> Records:
     """Return the initial memory of a law; see `law_settings`."""
-    fields = _memory_fields(law, compensated=compensated, limited=limited)
-    return new_record(fields, mechanism.sizes, lanes)
+    shared = _memory_fields(compensated=compensated, limited=limited)
+    return new_record((*shared, *law.memory), mechanism.sizes, lanes, _shared(shared))
 
 
 def of_tick_before(
     law: Law, *, compensated: bool = False, limited: bool = False
 ) -> tuple[str, ...]:
     """Return the names of memory fields from the previous tick: their initial value is NaN."""
-    fields = _memory_fields(law, compensated=compensated, limited=limited)
+    fields = (*_memory_fields(compensated=compensated, limited=limited), *law.memory)
     return tuple(field.name for field in fields if math.isnan(field.initial))
 
 
-def _memory_fields(law: Law, *, compensated: bool, limited: bool = False) -> tuple[Field, ...]:
+def _memory_fields(*, compensated: bool, limited: bool = False) -> tuple[Field, ...]:
+    """Return the memory that all laws share."""
     terms = (field for term in REACHING.values() for field in term.memory)
     # In front: Numba would accept a record with more fields at its end as one without them.
     further = (
         *(joint_limits.MEMORY if limited else ()),
         *(delay_fields.MEMORY if compensated else ()),
     )
-    return (*further, *control.MEMORY, *law.memory, *terms)
+    return (*further, *control.MEMORY, *terms)
 
 
 def is_limited(values: Values, mechanism: Mechanism) -> bool:

@@ -12,7 +12,7 @@ from masmc_ros.aliases import Array, Records
 from masmc_ros.errors import InputError
 from masmc_ros.jit.record import uninitialised
 from masmc_ros.law.command_interface import check_agreement
-from masmc_ros.loop.closed_loop import closed_loop, plant_step_of
+from masmc_ros.loop.closed_loop import closed_loop
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.controller_parameters import ACTIVE_ON_START, APPROACH_SPEED
 from masmc_ros.loop.drive import Drive
@@ -179,7 +179,6 @@ class Simulation:
         self._drive.start_tick(self.timing.stamp(first + len(reference) - 1))
         followed = self._followed(first, reference)
         is_finite: bool = closed_loop(
-            plant_step_of(plant.settings, plant.memory, plant.delayed, plant.signals),
             plant.settings,
             plant.memory,
             plant.delayed,

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from masmc_ros.aliases import Numbers
-from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.compiled import formula, subroutine
 from masmc_ros.jit.tuples import elementwise
 from masmc_ros.jit.vectors import free, mark
 from masmc_ros.numerics.scalars import plus
@@ -103,7 +103,7 @@ def derivative(
     )
 
 
-@formula
+@subroutine
 def runge_kutta_stage(plant: PlantSettings, memory: PlantMemory, stage: int, h: float) -> None:
     """
     Compute one of the four stages of a step; after the last one, `reached` is the end of the step.

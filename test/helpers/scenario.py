@@ -174,7 +174,6 @@ class Loop:
     def run_ticks(self, first: int, last: int) -> None:
         """Compute ticks first ... last - 1 in one compiled call."""
         closed_loop(
-            None,
             self._plant,
             self._plant_memory,
             self._delayed,

@@ -10,17 +10,13 @@ import gc
 import time
 from typing import Any, cast
 
-from masmc_ros.aliases import Function, Records
+from masmc_ros.aliases import Records
 from masmc_ros.jit.compiled import (
-    address_of,
     bound,
-    called_by_address,
     code_file,
     formula,
-    interpreted,
     is_interpreted,
     is_loaded,
-    is_whole_on_disk,
     kernel,
     subroutine,
 )
@@ -109,21 +105,6 @@ def test_copied_record_large_compiles_as_fast_as_small() -> None:
     assert (record['value'] == 1.0).all()
 
 
-@called_by_address
-def _doubled(value: float) -> float:
-    return 2.0 * value
-
-
-@kernel
-def _doubled_sum(function: Function, a: float, b: float) -> float:
-    return float(function(a) + function(b))
-
-
-@kernel
-def _doubled_difference(function: Function, a: float, b: float) -> float:
-    return float(function(a) - function(b))
-
-
 @formula
 def _tripled(value: float) -> float:
     return 3.0 * value
@@ -132,20 +113,6 @@ def _tripled(value: float) -> float:
 @kernel
 def _tripled_twice(value: float) -> float:
     return _tripled(_tripled(value))
-
-
-@pytest.mark.skipif(is_interpreted(), reason='interpreted kernels inline it')
-def test_function_called_by_address_compiles_once() -> None:
-    with event.install_recorder('numba:compile') as compilations:
-        doubled = address_of(_doubled, 1.0)
-        assert doubled is not None
-        assert _doubled_sum(doubled, 3.0, 1.0) == 8.0
-        assert _doubled_difference(address_of(_doubled, 1.0), 3.0, 1.0) == 4.0
-    names = [built.data['dispatcher'].py_func.__name__ for _, built in compilations.buffer]
-    assert names.count('_doubled') <= 2, 'a start and an end, unless it is loaded'
-    assert is_whole_on_disk(_doubled, 1.0)
-    with interpreted():
-        assert address_of(_doubled, 1.0) is None
 
 
 @pytest.mark.skipif(is_interpreted(), reason='nothing is compiled')

@@ -48,7 +48,7 @@ def parallel_runs(scenarios: Sequence[Scenario]) -> Any:
     plant_start(plant, state, delayed, signals)
     history = np.zeros(first.ticks, signals.dtype)
     closed_loop(
-        None, plant, state, delayed, gains, memory, signals, 0, True, first.reference, history
+        plant, state, delayed, gains, memory, signals, 0, True, first.reference, history
     )
     return history
 

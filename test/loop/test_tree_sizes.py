@@ -11,9 +11,8 @@ import sys
 
 from helpers.child_environment import child_environment
 from helpers.small_tree import hand_at_start, URDF, write_scenario
-from masmc_ros.aliases import Function
 from masmc_ros.errors import InputError
-from masmc_ros.jit.compiled import address_of, called_by_address, Kernel, kernel
+from masmc_ros.jit.compiled import Formula, kernel, subroutine
 from masmc_ros.jit.field import Field
 from masmc_ros.jit.lanes import lane_of
 from masmc_ros.jit.record import AT_RUN_TIME, new_record
@@ -89,8 +88,8 @@ def test_plant_of_all_laws_has_one_compiled_code(tmp_path: Path) -> None:
     path = write_scenario(tmp_path, hand_at_start(), 0.02)
     for law in ('rasmc', 'smc'):
         assert _signals(path, f'controller.law={law}').shape[1] == 7
-    if isinstance(_plant_step, Kernel):
-        assert len(_plant_step.overloads) == 1
+    if isinstance(_plant_step, Formula):
+        assert len(_plant_step._called.overloads) == 1
 
 
 @pytest.mark.slow
@@ -192,7 +191,7 @@ def test_full_workspace_raises_one_line() -> None:
     assert _sum(records, 1, True) == 300.0 * 299.0
 
 
-@called_by_address
+@subroutine
 def _fill_workspace(record: np.void, repetitions: int) -> None:
     row = lane_of(record, 0)
     for _ in range(repetitions):
@@ -200,21 +199,57 @@ def _fill_workspace(record: np.void, repetitions: int) -> None:
 
 
 @kernel
-def _fill_by_address(function: Function, records: np.ndarray, repetitions: int) -> None:
+def _fill(records: np.ndarray, repetitions: int) -> int:
     row = records[0]
-    function(row, repetitions)
+    _fill_workspace(row, repetitions)
     check_workspace(row)
+    return repetitions
+
+
+@kernel
+def _fill_twice(records: np.ndarray, repetitions: int) -> int:
+    return _fill(records, repetitions) + _fill(records, repetitions)
 
 
 @pytest.mark.skipif(not hasattr(_sum, 'overloads'), reason='interpreted code has no workspace')
-def test_full_workspace_in_called_function_raises() -> None:
-    """A function that a kernel calls by its address has the workspace of the kernel."""
+def test_full_workspace_in_subroutine_raises() -> None:
+    """A subroutine has the workspace of the kernel that calls it."""
     records = _records(300)
-    function = address_of(_fill_workspace, records[0], 1)
-    assert function is not None
-    _fill_by_address(function, records, 1)
+    assert _fill(records, 1) == 1
     with pytest.raises(InputError, match=r'^workspace of \d+ bytes is full: '):
-        _fill_by_address(function, records, 100_000)
+        _fill(records, 100_000)
+
+
+@pytest.mark.skipif(not hasattr(_sum, 'overloads'), reason='nothing is compiled')
+def test_missing_subroutine_is_compiled_for_stored_caller(tmp_path: Path) -> None:
+    """The stored caller contains a symbol of the first process; the second one has another."""
+    code = (
+        'from masmc_ros.jit.compiled import is_on_disk, is_whole_on_disk\n'
+        'from loop.test_tree_sizes import _fill, _fill_twice, _fill_workspace, _records\n'
+        'records = _records(3)\n'
+        'print(is_on_disk(_fill, records, 1), is_whole_on_disk(_fill, records, 1))\n'
+        'assert _fill(records, 1) == 1 and _fill_twice(records, 2) == 4\n'
+        'for code in _fill_workspace._called.overloads.values():\n'
+        '    print(code.fndesc.llvm_func_name)\n'
+    )
+
+    def printed() -> list[str]:
+        result = subprocess.run(
+            [sys.executable, '-c', code], env={**child_environment(), 'XDG_CACHE_HOME': folder},
+            capture_output=True, text=True, check=True, timeout=300.0,
+            cwd=Path(__file__).parents[1],
+        )  # fmt: skip
+        return result.stdout.splitlines()
+
+    folder = str(tmp_path)
+    known, symbol = printed()
+    assert known == 'False False'
+    for file in tmp_path.rglob('*._fill_workspace-*.nbc'):
+        file.unlink()
+    known, other = printed()
+    assert known == 'True False'
+    assert other != symbol
+    assert printed() == ['True True', other]
 
 
 def test_record_of_another_type_raises() -> None:

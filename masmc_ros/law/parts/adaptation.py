@@ -20,8 +20,9 @@ import math
 
 from masmc_ros.aliases import Array, Joints, Numbers, Parameters
 from masmc_ros.jit.arrays import to_vector
-from masmc_ros.jit.compiled import formula, kernel
+from masmc_ros.jit.compiled import formula, kernel, part
 from masmc_ros.jit.field import Field
+from masmc_ros.jit.lanes import shared
 from masmc_ros.jit.scratch import scratch
 from masmc_ros.jit.tuples import dot, elementwise
 from masmc_ros.jit.vectors import free, mark
@@ -45,7 +46,7 @@ GAMMA = PerEntry(
 )
 
 REACHING_FORCE = Field('reaching', 'axes', 'Reaching force u of the last tick', 'N')
-"""Memory of every law that adapts by this module."""
+"""Memory of every law; those that adapt by this module write it."""
 
 LEAKAGE = Parameter(
     'leakage',
@@ -339,6 +340,18 @@ def adapt_along(
         Gradient g (parameters), such as Y' sigma of (23).
 
     """
+    _adapt_along(shared(settings), tick, shared(memory), raw, torque, gradient)
+
+
+@part
+def _adapt_along(
+    settings: Settings,
+    tick: Tick,
+    memory: Memory,
+    raw: Joints,
+    torque: Joints,
+    gradient: Parameters,
+) -> None:
     distance = math.sqrt(dot(tick.surface, tick.surface))
     share = beyond_dead_zone(distance, settings.dead_zone)
     freezes = (settings.freeze_when_saturated != 0) & (torque != raw)
@@ -362,6 +375,11 @@ def adapt_along(
 @formula
 def project(settings: Settings, memory: Memory) -> None:
     """Project `memory.estimate` onto physically possible values if `projection.lower` > 0."""
+    _project(shared(settings), shared(memory))
+
+
+@part
+def _project(settings: Settings, memory: Memory) -> None:
     lower = settings.projection_lower
     model = mechanism.model_of(settings)
     if (lower > 0.0) & (not mechanism.preserves_consistency(model, settings)):

@@ -12,7 +12,7 @@ three are corrected by the measured angle. docs/theory/estimator.md has the equa
 from __future__ import annotations
 
 from masmc_ros.aliases import Numbers
-from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.compiled import formula, subroutine
 from masmc_ros.jit.field import Field
 from masmc_ros.jit.tuples import column, elementwise, tail
 from masmc_ros.law.fields import Memory, Settings
@@ -159,7 +159,7 @@ def _followed(
     return followed(angle, rate, unmodelled, acceleration, measured, period, gain)
 
 
-@formula
+@subroutine
 def estimate_rates(
     settings: Settings, memory: Memory, position: Numbers, knows_torques: bool
 ) -> None:
@@ -204,7 +204,7 @@ def estimate_rates(
     memory.unmodelled = column(estimates, 2)
 
 
-@formula
+@subroutine
 def note_disturbance(
     memory: Memory, model: Lengths, posture: MechanismPosture, disturbance: Numbers
 ) -> None:

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from masmc_ros.aliases import Array, Numbers
 from masmc_ros.jit.arrays import array_of, read_along, read_part, write_along, write_part
-from masmc_ros.jit.compiled import formula, kernel
+from masmc_ros.jit.compiled import called_kernel, formula, kernel
 from masmc_ros.jit.scratch import clear, lasting, scratch
 from masmc_ros.robot.tree.kinematics import (
     base_motion,
@@ -296,7 +296,7 @@ def write_inertia(model: TreeModel, posture: Posture, theta: Array, matrix: Arra
             matrix[row, column] = matrix[column, row]
 
 
-@kernel
+@called_kernel
 def inertia(model: TreeModel, posture: Posture, theta: Numbers) -> Array:
     """
     Return H (n, n) for inertial parameters (10 B), by composite bodies in O(n depth).

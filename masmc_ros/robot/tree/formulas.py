@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from masmc_ros.aliases import Array, Numbers
 from masmc_ros.jit.arrays import array_of, changeable, to_vector
-from masmc_ros.jit.compiled import formula, kernel
+from masmc_ros.jit.compiled import called_kernel, formula, kernel
 from masmc_ros.jit.lanes import in_place, part_in_place
 from masmc_ros.jit.scratch import copy_into, lasting, scratch
 from masmc_ros.jit.tuples import elementwise, joined
@@ -185,7 +185,7 @@ def regressor(
     return Regressor(posture, motions, reference, acceleration)
 
 
-@kernel
+@called_kernel
 def _motions(
     model: TreeModel,
     posture: Posture,
@@ -200,7 +200,7 @@ def _motions(
     return motions
 
 
-@kernel
+@called_kernel
 def regressor_times(model: TreeModel, y: Regressor, theta: Numbers) -> Numbers:
     """
     Return H a_r + C nu_r + g and friction.
@@ -215,7 +215,7 @@ def regressor_times(model: TreeModel, y: Regressor, theta: Numbers) -> Numbers:
     return to_vector(forces, y.reference)
 
 
-@kernel
+@called_kernel
 def regressor_transpose_times(
     model: TreeModel, y: Regressor, motion: Numbers, template: Numbers
 ) -> Numbers:
@@ -265,7 +265,7 @@ def inertia_times(model: TreeModel, inertia: Array, acceleration: Numbers) -> Nu
     return to_vector(out, acceleration)
 
 
-@kernel
+@called_kernel
 def inertia_solve(model: TreeModel, inertia: Array, forces: Numbers) -> Numbers:
     """Return H^-1 f."""
     factors, x = scratch(len(inertia), len(inertia)), changeable(forces)

@@ -23,7 +23,7 @@ from __future__ import annotations
 
 from masmc_ros.aliases import Array, Columns, Numbers
 from masmc_ros.jit.arrays import array_of, changeable, to_vector
-from masmc_ros.jit.compiled import formula, kernel
+from masmc_ros.jit.compiled import called_kernel, formula, kernel
 from masmc_ros.jit.scratch import clear, copy_into, lasting, scratch
 from masmc_ros.jit.tuples import from_index
 from masmc_ros.numerics.elimination import factor, solve
@@ -145,7 +145,7 @@ def _limit_speeds(model: TreeModel, v_r: Array, a_r: Array) -> None:
             v_r[k] /= excess
 
 
-@kernel
+@called_kernel
 def reference_motion(
     model: TreeModel,
     posture: Posture,
@@ -197,7 +197,7 @@ def reference_motion(
     return to_vector(v_r, motion), to_vector(a_r, motion), singular
 
 
-@kernel
+@called_kernel
 def motion_from_task(
     model: TreeModel, posture: Posture, rates: Numbers, template: Numbers
 ) -> Numbers:
@@ -216,7 +216,7 @@ def motion_from_task(
     return to_vector(out, template)
 
 
-@kernel
+@called_kernel
 def _task_inertia(model: TreeModel, posture: Posture, theta: Numbers) -> Array:
     """Return (J H^-1 J')^-1 (m, m), slightly damped if it is singular."""
     m, size = len(model.axes), velocities_of(model)

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from masmc_ros.aliases import Array, Numbers
 from masmc_ros.jit.arrays import array_of, read_part, to_vector, write_part
-from masmc_ros.jit.compiled import formula, kernel
+from masmc_ros.jit.compiled import called_kernel, formula, kernel
 from masmc_ros.jit.scratch import clear, scratch
 from masmc_ros.jit.tuples import elementwise, from_index
 from masmc_ros.numerics.scalars import minus
@@ -155,7 +155,7 @@ def task_velocity(model: TreeModel, posture: Posture, motion: Numbers) -> Number
     return _of_task(model, coordinates, 0)
 
 
-@kernel
+@called_kernel
 def forces_from_task(
     model: TreeModel, posture: Posture, force: Numbers, template: Numbers
 ) -> Numbers:
@@ -214,7 +214,7 @@ def write_task_jacobian_rate(
         _take(model, frame, own, columns)
 
 
-@kernel
+@called_kernel
 def tracking(
     model: TreeModel,
     posture: Posture,
