@@ -11,7 +11,7 @@ results.
 from __future__ import annotations
 
 from masmc_ros.aliases import Numbers
-from masmc_ros.jit.compiled import formula
+from masmc_ros.jit.compiled import formula, subroutine
 from masmc_ros.jit.tuples import elementwise
 from masmc_ros.law.tick import Tick
 from masmc_ros.robot import mechanism
@@ -34,7 +34,7 @@ def last_acceleration(tick: Tick, before: Numbers) -> Numbers:
     return elementwise(_rate, tick.velocity, before, tick.period)
 
 
-@formula
+@subroutine
 def last_regressor(tick: Tick, before: Numbers) -> MechanismRegressor:
     """
     Return W = Y(q, v, v, dv/dt) of the last period, where v is the mean velocity of the period.

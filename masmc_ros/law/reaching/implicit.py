@@ -24,7 +24,7 @@ import math
 
 from masmc_ros.aliases import Array, Axes, Columns, Joints, Numbers
 from masmc_ros.jit.arrays import to_vector
-from masmc_ros.jit.compiled import formula, kernel
+from masmc_ros.jit.compiled import called_kernel, formula
 from masmc_ros.jit.field import Field
 from masmc_ros.jit.scratch import scratch
 from masmc_ros.jit.tuples import elementwise, least, matrix_times, tail
@@ -98,7 +98,7 @@ def solution(
     return _solved(inertia, period, k_s1, k_s2, s)
 
 
-@kernel
+@called_kernel
 def _solved(
     inertia: Columns, period: float, k_s1: Numbers, k_s2: Numbers, s: Numbers
 ) -> tuple[Numbers, Numbers]:

@@ -140,7 +140,7 @@ def task_error(
     return _of_task(model, off, 0)
 
 
-@kernel
+@called_kernel
 def task_velocity(model: TreeModel, posture: Posture, motion: Numbers) -> Numbers:
     """Return velocities of origins, angular velocities, and the rates of joints."""
     coordinates, nu = scratch(1, _coordinates(model)), array_of(motion)
