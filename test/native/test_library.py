@@ -37,6 +37,11 @@ import pytest
 
 SETTINGS = 'duration=1.0', 'controller.switching=implicit', 'controller.observer_gain=0.5'
 HOST = 'x86_64-linux-gnu'
+COMMANDS = {
+    HOST: ('cc',), 'aarch64-linux-gnu': ('aarch64-linux-gnu-gcc -static', 'qemu-aarch64-static')
+}  # fmt: skip
+"""Compiler and emulator of each target."""
+
 EFFECTS = (
     'plant.velocity_noise=0.002', 'plant.encoder_resolution=0.0001',
     'plant.measurement_delay=0.002', 'plant.command_delay=0.002', 'plant.delay_jitter=0.5',
@@ -273,10 +278,9 @@ def test_library_of_urdf_robot_has_the_bits_of_python(tmp_path: Path) -> None:
 
 @needs_compiler
 @pytest.mark.slow
-@pytest.mark.parametrize('target', [HOST, 'aarch64-linux-gnu'])
+@pytest.mark.parametrize('target', COMMANDS)
 def test_library_with_all_effects_has_the_bits_of_simulate(tmp_path: Path, target: str) -> None:
-    compiler, runner = ('cc', ()) if target == HOST else (f'{target}-gcc -static',
-                                                          ('qemu-aarch64-static',))
+    compiler, *runner = COMMANDS[target]
     for program in (compiler.split()[0], *runner):
         if shutil.which(program) is None:
             pytest.skip(f'needs {program}')
@@ -311,8 +315,11 @@ def test_library_on_microcontroller_has_the_bits_of_simulate(tmp_path: Path) -> 
 def test_library_of_every_law_has_the_bits_of_simulate(tmp_path: Path, law: str) -> None:
     """Every third law; all with the variable MASMC_LAWS, as each compiles for 15 s."""
     settings = 'duration=0.5', f'controller.law={law}', 'controller.switching=tanh'
-    library(tmp_path, *settings)
-    assert bits_in_c(tmp_path, HOST, 'cc') == bits_here(*settings)
+    library(tmp_path, *settings, targets=tuple(COMMANDS))
+    expected = bits_here(*settings)
+    for target, commands in COMMANDS.items():
+        if all(shutil.which(command.split()[0]) for command in commands):
+            assert bits_in_c(tmp_path, target, *commands) == expected, target
 
 
 @pytest.mark.parametrize(
