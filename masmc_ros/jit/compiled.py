@@ -161,7 +161,8 @@ class _Part(Formula):
     @property
     def targetoptions(self) -> Mapping[str, str]:
         """Return the option by which Numba decides whether statements replace the calls."""
-        is_called = getattr(_thread, 'is_exporting', False) or are_sizes_at_run_time()
+        # Exported code has no results with pointers in memory, see `object_code.optimised`.
+        is_called = are_sizes_at_run_time() and not getattr(_thread, 'is_exporting', False)
         return {'inline': 'never' if is_called else 'always'}
 
 

@@ -54,6 +54,11 @@ _NAME = re.compile(r'@[\w.$-]+')
 _DEFINITION = re.compile(r'^(define .*?@([\w.]+)\(.*) \{$', re.MULTILINE)
 """First line of a function, whose name contains no quotation marks."""
 
+_WITH_POINTERS = re.compile(
+    r'^(  %\S+ = alloca )(ptr|[\[{].*\bptr\b.*[\]}])(?=, align)', re.MULTILINE
+)
+"""Variable of a function with pointers, and its type."""
+
 _VARIABLE = re.compile(r'^@\S+ = (?:[a-z_]+ )*global .*', re.MULTILINE)
 _POINTER_IN_STRUCT = re.compile(r'getelementptr[^,\n]*\{[^}\n]*\bptr\b')
 
@@ -205,6 +210,8 @@ def optimised(text: str, target: Target) -> Any:
     Raises InputError for code that needs Python or memory of the system; see `check`.
     """
     machine = _machine(target)
+    if _SIZED in text:
+        text = _with_places_of_host(text, machine.target_data)
     # The code stores no pointer in a record, so their size in another target does not matter.
     for name, value in (('triple', target.triple), ('datalayout', str(machine.target_data))):
         text = re.sub(rf'^target {name} = .*$', f'target {name} = "{value}"', text, flags=re.M)
@@ -216,6 +223,30 @@ def optimised(text: str, target: Target) -> Any:
     passes.getModulePassManager().run(module, passes)
     check(module)
     return module
+
+
+def _with_places_of_host(text: str, target: Any) -> str:
+    """
+    Return optimised code whose variables with pointers have the size that they have here.
+
+    It contains the places of their members here, which differ if pointers are shorter. Raises
+    InputError for members that a target with such pointers would place itself.
+    """
+    kinds = sorted({kind for _, kind in _WITH_POINTERS.findall(text)})
+    layout = re.search(r'^target datalayout = "(.*)"$', text, re.M)
+    assert layout is not None
+    here = llvm.create_target_data(layout[1])
+    module = llvm.parse_assembly(
+        '\n'.join(f'@kind.{i} = external global {kind}' for i, kind in enumerate(kinds))
+    )
+    sizes = {}
+    for kind, variable in zip(kinds, module.global_variables, strict=True):
+        sizes[kind] = here.get_abi_size(variable.global_value_type)
+        is_same = target.get_abi_size(variable.global_value_type) == sizes[kind]
+        whole = rf'= load {re.escape(kind)},|store {re.escape(kind)} '
+        if kind != 'ptr' and not is_same and re.search(whole, text):
+            raise InputError(f'the compiled law stores {kind} in memory; expected no pointers')
+    return _WITH_POINTERS.sub(lambda m: f'{m[1]}[{sizes[m[2]]} x i8]', text)
 
 
 def joined_object(modules: Iterable[Any], target: Target) -> bytes:
