@@ -338,7 +338,7 @@ def is_loaded(kernel: Function, *arguments: object) -> bool:
 
 def code_file(kernel: Function, *arguments: object) -> Path:
     """Return the path of the file of the compiled code, which may be missing."""
-    return _code_files(kernel).path(_code_key(kernel, arguments))
+    return _code_files(kernel).path(_key(kernel, tuple(map(type_of, arguments))))
 
 
 def is_on_disk(kernel: Function, *arguments: object) -> bool:
@@ -347,15 +347,17 @@ def is_on_disk(kernel: Function, *arguments: object) -> bool:
 
 
 def is_whole_on_disk(kernel: Function, *arguments: object) -> bool:
-    """Return True if the disk has the compiled code with its subroutines; reads their files."""
+    """Return True if no part of the code is missing; reads the files that are not loaded."""
     return _are_whole([(kernel, tuple(map(type_of, arguments)))])
 
 
 def _are_whole(functions: list[tuple[Any, Types]]) -> bool:
-    """Return True if the disk has the code of dispatchers for these types of arguments."""
+    """Return True if this process or the disk has the code of dispatchers for these types."""
     known = set(functions)
     while functions:
         dispatcher, kinds = functions.pop()
+        if kinds in dispatcher.overloads:
+            continue  # this process has loaded it, with its subroutines
         data = _code_files(dispatcher).read(_key(dispatcher, kinds))
         if data is None:
             return False
@@ -368,10 +370,6 @@ def _are_whole(functions: list[tuple[Any, Types]]) -> bool:
 def _code_files(kernel: Function) -> CodeFiles:
     files: CodeFiles = cast(Kernel, kernel)._cache._cache_file
     return files
-
-
-def _code_key(kernel: Function, arguments: tuple[object, ...]) -> Key:
-    return _key(kernel, tuple(map(type_of, arguments)))
 
 
 def _key(dispatcher: Any, kinds: Types) -> Key:

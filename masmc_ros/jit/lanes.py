@@ -243,7 +243,7 @@ def _lane_of(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
 
 def shared(lane: Any) -> Any:
     """
-    Return a lane of which only the first fields are known, those that all laws share.
+    Return a lane with its first fields only, those that all laws share.
 
     For robots whose sizes are known at run time, functions with such arguments are compiled once
     for all laws.

@@ -31,7 +31,6 @@ from masmc_ros.jit.compiled import bound, kernel
 from masmc_ros.law.parts.joint_limits import TORQUE_LIMIT
 from masmc_ros.loop.controller import Controller
 import numpy as np
-from numpy.typing import NDArray
 
 REVERSALS, GROWTH, SPEED = 1, 2, 3
 """Rules, as numbers of the compiled check; 0 is no alarm."""
@@ -197,7 +196,7 @@ class RunawayWatch:
         """Return False soon after an alarm that passes, at the time `now` in s."""
         return now >= self._continues_at
 
-    def look(self, rates: NDArray[np.float64], now: float) -> Alarm | None:
+    def look(self, rates: Array, now: float) -> Alarm | None:
         """
         Return an alarm after a computed tick; None without one.
 
@@ -229,7 +228,7 @@ class RunawayWatch:
             self._tick, controller.torque, self._limit, controller.error, rates, *self._windows
         )  # fmt: skip
 
-    def _reason(self, alarm: int, rates: NDArray[np.float64]) -> str:
+    def _reason(self, alarm: int, rates: Array) -> str:
         joint, rule = divmod(alarm, 100)
         name = self._controller.mechanism.joints[joint].name
         unit = self._controller.mechanism.joints[joint].unit

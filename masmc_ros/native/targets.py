@@ -23,6 +23,7 @@ TARGETS = {
     'x86_64-v3-linux-gnu': Target('x86_64-unknown-linux-gnu', 'x86-64-v3'),
     'aarch64-linux-gnu': Target('aarch64-unknown-linux-gnu', 'generic'),
     'arm-linux-gnueabihf': Target('armv7-unknown-linux-gnueabihf', 'generic', '+neon,+vfp3'),
+    # Without a vendor, LLVM ignores `eabihf` and passes numbers in registers of whole numbers.
     'thumbv7em-none-eabihf': Target(
         'thumbv7em-unknown-none-eabihf', 'cortex-m7', relocation='static'
     ),
