@@ -36,11 +36,12 @@ def explained(error: Exception) -> InputError:
     if cause.endswith('found for signature:') and len(lines) > 1:
         cause = f'{cause} {lines[1].removeprefix(">>> ")}'
     place, source = '', ''
-    for k, line in enumerate(lines):
-        match = _PLACE.search(line)
-        if match:
-            place = f'{Path(match[1]).resolve()}:{match[2]}: '
-            carets = (j for j in range(k + 1, len(lines)) if set(lines[j]) <= {'^', '~'})
-            source = next((f' in: {lines[j - 1]}' for j in carets), '')
-            break
+    places = [k for k, line in enumerate(lines) if _PLACE.search(line)]
+    if places:
+        first, end = (*places, len(lines))[:2]
+        match = _PLACE.search(lines[first])
+        assert match is not None
+        place = f'{Path(match[1]).resolve()}:{match[2]}: '
+        carets = (k for k in range(first + 1, end) if set(lines[k]) <= {'^', '~'})
+        source = next((f' in: {lines[k - 1]}' for k in carets), '')
     return InputError(f'{place}cannot be compiled: {cause}{source}')

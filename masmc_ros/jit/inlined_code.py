@@ -7,17 +7,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from importlib import import_module
+import re
 from threading import local
 from typing import Any, NamedTuple
 
 from masmc_ros.aliases import Function
-from masmc_ros.jit.generated import Type
+from masmc_ros.jit.generated import Builder, IrValue, Type
 from masmc_ros.jit.sized_records import has_sizes_at_run_time
 from numba import types
 from numba.core.codegen import CPUCodeLibrary, JITCodeLibrary, ll
 from numba.core.compiler import Compiler, DefaultPassBuilder
 from numba.core.compiler_machinery import PassManager, register_pass
+from numba.core.errors import UnsupportedError
+from numba.core.runtime.context import NRTContext
 from numba.core.typed_passes import NativeLowering
+
+_ALLOCATION = re.compile('NRT_.*alloc', re.IGNORECASE)
+"""Names of the functions of Numba's run time that take memory from the heap."""
 
 
 class Subroutine(NamedTuple):
@@ -64,6 +70,8 @@ class _Library(JITCodeLibrary):
         """Initialise the code of a function that is compiled."""
         super().__init__(state.targetctx.codegen(), function.__qualname__)
         self.enable_object_caching()
+        code = function.__code__
+        self._place = f'File "{code.co_filename}", line {code.co_firstlineno}'
         # Numba stores these functions with the code, and calls them before it loads the code.
         self._at_load = state.reload_init
 
@@ -76,15 +84,11 @@ class _Library(JITCodeLibrary):
         ]
 
 
-class _SubroutineLibrary(_Library):
-    """Code of a function that its callers do not contain."""
+class _CalledLibrary(_Library):
+    """Code of a function whose arrays have no owner: those of its arguments belong to Python."""
 
     def add_ir_module(self, ir_module: Any) -> None:
-        """
-        Add the code of the function, without counting references of arrays in its arguments.
-
-        Its callers own them. Counting takes 1.5 % of the time of a run.
-        """
+        """Add the code of the function; arrays in its arguments lose their owners."""
         for function in ir_module.functions:
             for instruction in function.blocks[0].instructions if function.blocks else ():
                 if instruction.name.startswith(('inserted.meminfo', 'inserted.parent')):
@@ -94,11 +98,27 @@ class _SubroutineLibrary(_Library):
                         instruction.replace_usage(owner, instruction.value)
         super().add_ir_module(ir_module)
 
+    def check_memory(self) -> None:
+        """Raise UnsupportedError if the function takes memory from the heap."""
+        if any(_ALLOCATION.match(function.name) for function in self._final_module.functions):
+            raise UnsupportedError(
+                f'{self.name} takes memory from the heap; expected tuples, fields of records, or'
+                f' scratch of masmc_ros.jit.scratch\n{self._place}'
+            )
+
+
+class _SubroutineLibrary(_CalledLibrary):
+    """Code of a function that its callers do not contain."""
+
+    def _finalize_final_module(self) -> None:
+        self.check_memory()
+        super()._finalize_final_module()
+
     def _get_module_for_linking(self) -> Any:
         return ll.parse_assembly(str(self._codegen._create_empty_module(self.name)))
 
 
-class _InlinedLibrary(_Library):
+class _InlinedLibrary(_CalledLibrary):
     """
     Code of an inlined or exported function, without machine instructions.
 
@@ -113,6 +133,7 @@ class _InlinedLibrary(_Library):
             super()._optimize_final_module()
 
     def _finalize_final_module(self) -> None:
+        self.check_memory()
         module = self._final_module
         self._finalize_dynamic_globals()
         self._verify_declare_only_symbols()
@@ -139,6 +160,30 @@ def _share(module: Any) -> None:
     for function in module.functions:
         if not function.is_declaration and function.linkage == ll.Linkage.external:
             function.linkage = 'linkonce_odr'
+
+
+class _WithoutCounting(NRTContext):
+    """
+    Numba's run time for functions whose arrays have no owner: they count no references.
+
+    Counting takes a tenth of the time of a run of a robot from a URDF.
+    """
+
+    def incref(self, builder: Builder, typ: Type, value: IrValue) -> None:
+        """Omit the instructions."""
+
+    def decref(self, builder: Builder, typ: Type, value: IrValue) -> None:
+        """Omit the instructions."""
+
+
+_internal_functions: dict[Any, Any] = {}
+"""Functions of Numba without counting, which it compiles once."""
+
+
+def _omit_counting(context: Type) -> None:
+    """Let functions that are compiled in a context count no references."""
+    context.nrt = _WithoutCounting(context, context.enable_nrt)
+    context.cached_internal_func = _internal_functions
 
 
 _sizes = local()
@@ -174,6 +219,11 @@ class KernelCompiler(Compiler):
 
 class InlinedCompiler(KernelCompiler):
     """Compiler of functions that other compiled functions inline."""
+
+    def compile_extra(self, function: Function) -> Type:
+        """Compile a function, whose arrays have no owner."""
+        _omit_counting(self.state.targetctx)
+        return super().compile_extra(function)
 
     def library(self, function: Function) -> _Library:
         """
@@ -309,6 +359,7 @@ class ExportedCompiler(Compiler):
             for kind in self.state.args
         )
         self.state.library = library
+        _omit_counting(self.state.targetctx)
         return super().compile_extra(function)
 
     def define_pipelines(self) -> list[PassManager]:

@@ -32,7 +32,7 @@ import numpy as np
 
 MOST = {1: 200, 2: 840}
 """
-Largest number of entries by dimension; a larger array is on the heap.
+Largest number of entries by dimension for which memory is reserved on the stack.
 
 Sizes are no multiples of 4 KiB, because processors first mistake such addresses for the same one.
 """
@@ -112,14 +112,23 @@ def _scratch(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
     room = cgutils.alloca_once(build, number, most)
     # Without alignment, the numbers that cross two cache lines differ in every process.
     room.align = CACHE_LINE
-    buffer = cgutils.alloca_once(build, context.get_value_type(compiler.result))
-    fits = build.icmp_signed('<=', count, most)
-    with build.if_else(fits, likely=True) as (then, otherwise):
-        with then:
-            build.store(array_over(compiler, compiler.result, room, lengths), buffer)
-        with otherwise:
-            build.store(_on_heap(compiler, lengths), buffer)
-    return build.load(buffer)
+    place = cgutils.alloca_once_value(build, room)
+    with build.if_then(build.icmp_signed('>', count, most), likely=False):
+        build.store(_large(compiler, number, count), place)
+    return array_over(compiler, compiler.result, build.load(place), lengths)
+
+
+def _large(compiler: Compiler, number: IrValue, count: IrValue) -> IrValue:
+    """Return the address of `count` numbers on the stack, reserved once for a loop."""
+    build = compiler.builder
+    room = cgutils.alloca_once(build, number.as_pointer())
+    size = cgutils.alloca_once(build, count.type)
+    with build.if_then(build.icmp_signed('>', count, build.load(size))):
+        larger = build.alloca(number, count)
+        larger.align = CACHE_LINE
+        build.store(larger, room)
+        build.store(count, size)
+    return build.load(room)
 
 
 @generated(lasting, lambda context, like, *shape: _type_of_scratch(context, *shape))

@@ -45,7 +45,7 @@ from masmc_ros.native.entries import (
     records_of,
     SUPERVISION,
 )
-from masmc_ros.native.object_code import archive, MEMORY, merged, object_of
+from masmc_ros.native.object_code import archive, merged, object_of
 from masmc_ros.native.ros2_control import check_supervised, package_contents, package_name
 from masmc_ros.native.targets import Target
 from masmc_ros.native.template import filled, INTERMEDIATE_CODE
@@ -293,7 +293,7 @@ def _described(
         )),
         'delay_line': plant.delayed.size,
         # The approach and the safe stop are kernels with vectors of their own.
-        'memory': MEMORY + has_layout(controller.settings.dtype) * WORKSPACE * (
+        'memory': has_layout(controller.settings.dtype) * WORKSPACE * (
             2 if set(SUPERVISION) <= found.keys() else 1),
         'statuses': {
             'SINGULAR': SINGULAR, 'NOT_FINITE': NOT_FINITE, 'FAILED': FAILED,

@@ -28,14 +28,6 @@ from masmc_ros.native.targets import Target
 from masmc_ros.native.template import filled
 import numpy as np
 
-MEMORY = 16384
-"""Bytes on the stack for arrays of a call; a formula that needs more ends in a status."""
-
-_MEMORY = '%masmc.memory'
-"""Pointer to this memory."""
-
-_ALLOCATION, _RELEASE = 'NRT_MemInfo_alloc_aligned', 'NRT_decref'
-
 _SIZED = 'SizedRecord'
 """Part of the names of functions with sizes at run time."""
 
@@ -86,11 +78,8 @@ def merged(functions: Mapping[str, Entry]) -> str:
     if _SIZED in text:
         # It serves optimisations, which are done, and distinguishes copies of a function.
         text = _METADATA.sub('', text)
-    has_arrays = f'@{_ALLOCATION}(' in text
-    whole = llvm.parse_assembly(_with_memory(text) if has_arrays else text)
-    runtime = llvm.parse_assembly(filled('runtime.ll.jinja', {
-        'layout': _layout_of(whole), 'has_arrays': has_arrays, 'memory': MEMORY,
-    }))  # fmt: skip
+    whole = llvm.parse_assembly(text)
+    runtime = llvm.parse_assembly(filled('runtime.ll.jinja', {'layout': _layout_of(whole)}))
     for function in runtime.functions:
         if not function.is_declaration:
             function.linkage = 'external'  # internal names cannot be linked
@@ -124,12 +113,7 @@ def _run(module: Any, add: Callable[[Any], None]) -> None:
 
 def _module_of(code: ExportedCode, name: str) -> Any:
     """Return the module of a kernel under a name; its other functions are internal."""
-    # These two contain instructions of this processor already.
-    text = re.sub(
-        r'^define [^@]*@NRT_(incref|decref)\(.*?^}$', r'declare void @NRT_\1(ptr)',
-        _LONG_NAME.sub(_short_name, code.text), flags=re.M | re.S,
-    )  # fmt: skip
-    module = llvm.parse_assembly(text)
+    module = llvm.parse_assembly(_LONG_NAME.sub(_short_name, code.text))
     kernel = module.get_function(code.name)
     kernel.name = name
     kernel.linkage = 'external'  # internal names cannot be linked
@@ -150,7 +134,7 @@ def _function(name: str, entry: Entry, kernel: str, kinds: Sequence[str]) -> str
     first = 2  # the places of the result and of the exception
     count = len(kinds) - len(entry.further)
     return filled('entry.ll.jinja', {
-        'name': name, 'kernel': kernel, 'kinds': kinds, 'memory': MEMORY,
+        'name': name, 'kernel': kernel, 'kinds': kinds,
         'arguments': [f'{kind} %a{i}' for i, kind in enumerate(kinds[first:count])],
         'further': [f'i64 {number}' for number in entry.further],
         'layouts': {
@@ -162,43 +146,11 @@ def _function(name: str, entry: Entry, kernel: str, kinds: Sequence[str]) -> str
     })  # fmt: skip
 
 
-def _with_memory(text: str) -> str:
-    """Return intermediate code whose functions with arrays have their memory as an argument."""
-    called = re.compile(r'(\bcall [^@\n]*@)("[^"\n]*"|[\w.$-]+)\((?=([^\n]))')
-    defined = re.compile(r'^(define [^@\n]*@)("[^"\n]*"|[\w.$-]+)\((?=([^\n]))', re.M)
-    callees: dict[str, set[str]] = {}
-    own = set()
-    for part in re.split(r'^(?=define )', text, flags=re.M)[1:]:
-        start = defined.match(part)
-        assert start is not None
-        callees[start.group(2)] = {call.group(2) for call in called.finditer(part)}
-        if f'{_MEMORY} = alloca' in part:
-            own.add(start.group(2))
-    users, size = {_ALLOCATION, _RELEASE}, 0
-    while len(users) > size:
-        size = len(users)
-        users |= {name for name, calls in callees.items() if calls & users}
-
-    def inserted(pointer: str) -> Callable[[re.Match[str]], str]:
-        def replacement(match: re.Match[str]) -> str:
-            if match.group(2) not in users - own:
-                return match.group()
-            comma = '' if match.group(3) == ')' else ', '
-            return f'{match.group(1)}{match.group(2)}({pointer}{comma}'
-
-        return replacement
-
-    text = called.sub(inserted(f'ptr {_MEMORY}'), defined.sub(inserted(f'ptr {_MEMORY}'), text))
-    declared = re.compile(r'^(declare [^@\n]*@)("[^"\n]*"|[\w.$-]+)\((?=([^\n]))', re.M)
-    text = declared.sub(inserted('ptr'), text)
-    return text.replace(f'declare noalias ptr @{_ALLOCATION}', f'declare ptr @{_ALLOCATION}')
-
-
 def object_of(text: str, target: Target) -> bytes:
     """
     Return the object code of intermediate code for a target; the same input gives the same bytes.
 
-    Raises InputError for code that needs Python or memory of the system; see `check`.
+    Raises InputError for code that needs Python; see `check`.
     """
     return joined_object([optimised(text, target)], target)
 
@@ -207,7 +159,7 @@ def optimised(text: str, target: Target) -> Any:
     """
     Return a module for a target, without everything that its exported functions do not need.
 
-    Raises InputError for code that needs Python or memory of the system; see `check`.
+    Raises InputError for code that needs Python; see `check`.
     """
     machine = _machine(target)
     if _SIZED in text:

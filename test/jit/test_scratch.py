@@ -6,10 +6,13 @@
 from __future__ import annotations
 
 import resource
+import sys
 from typing import Any
+import weakref
 
+from masmc_ros.errors import InputError
 from masmc_ros.jit.arrays import array_of, read_along, to_vector, write_along
-from masmc_ros.jit.compiled import formula, inlined, kernel
+from masmc_ros.jit.compiled import formula, inlined, is_interpreted, kernel, subroutine
 from masmc_ros.jit.scratch import clear, copy_into, MOST, scratch
 import numpy as np
 import pytest
@@ -79,6 +82,67 @@ def test_scratch_repeated_calls_do_not_leak_memory() -> None:
         _vector(size // 5 + 1)
     kilobytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
     assert kilobytes < 100_000
+
+
+@formula
+def _with_zeros(value: float) -> float:
+    array = np.zeros(3)
+    array[0] = value
+    return float(array[0]) + 1.0
+
+
+@formula
+def _with_list(value: float) -> float:
+    return max([number + 1.0 for number in (value, value)])
+
+
+@kernel
+def _of_zeros(value: float) -> float:
+    return _with_zeros(value)
+
+
+@kernel
+def _of_list(value: float) -> float:
+    return _with_list(value)
+
+
+@pytest.mark.skipif(is_interpreted(), reason='nothing is compiled')
+@pytest.mark.parametrize('called', [_of_zeros, _of_list])
+def test_formula_with_memory_from_heap_is_rejected(called: Any) -> None:
+    line = r'test_scratch\.py:\d+: cannot be compiled: _with_\w+ takes memory from the heap; '
+    with pytest.raises(InputError, match=line):
+        called(1.0)
+
+
+@formula
+def _row(matrix: Any, i: int) -> Any:
+    return matrix[i]
+
+
+@subroutine
+def _difference(matrix: Any) -> float:
+    first, second = _row(matrix, 0), _row(matrix, 1)
+    return float(second[0] - first[0])
+
+
+@kernel
+def _last_row(matrix: Any) -> Any:
+    _row(matrix, 0)[0] -= _difference(matrix)
+    return matrix[1]
+
+
+def test_references_to_array_of_python_are_kept() -> None:
+    matrix = np.zeros((2, 3))
+    before = sys.getrefcount(matrix)
+    for _ in range(10):
+        _last_row(matrix)
+    assert sys.getrefcount(matrix) == before
+    rows = [_last_row(matrix) for _ in range(10)]
+    owner = weakref.ref(matrix)
+    del matrix
+    assert owner() is not None
+    rows.clear()
+    assert owner() is None
 
 
 @kernel
