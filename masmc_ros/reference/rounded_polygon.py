@@ -86,7 +86,10 @@ class RoundedPolygon:
 
     def sample(self, times: Array) -> Array:
         """Return (n, 3 axes) samples at times (n) in s."""
-        return _sample(self._lengths, self._knots, self._delay, self._duration, times)
+        ways = _ways(self._lengths[-1], self._delay, self._duration, times)
+        samples: Array = sample_knots(self._lengths, self._knots, ways[:, 0].copy())
+        _differentiate_by_time(samples, ways)
+        return samples
 
 
 def _rounded(course: Array, rounding: float) -> tuple[Array, Array]:
@@ -123,17 +126,22 @@ def _rounded(course: Array, rounding: float) -> tuple[Array, Array]:
 
 
 @kernel
-def _sample(lengths: Array, knots: Array, delay: float, duration: float, times: Array) -> Array:
-    axes, count = knots.shape[1] // 3, len(times)
-    ways = np.empty((count, 3))
-    for k in range(count):
-        way, speed, change = rest_to_rest(lengths[-1], delay, duration, times[k])
+def _ways(length: float, delay: float, duration: float, times: Array) -> Array:
+    """Return way (m), speed and acceleration along the curve (n, 3) at times (n) in s."""
+    ways = np.empty((len(times), 3))
+    for k in range(len(times)):
+        way, speed, change = rest_to_rest(length, delay, duration, times[k])
         ways[k, 0], ways[k, 1], ways[k, 2] = way, speed, change
-    out = sample_knots(lengths, knots, np.ascontiguousarray(ways[:, 0]))
-    for k in range(count):
+    return ways
+
+
+@kernel
+def _differentiate_by_time(samples: Array, ways: Array) -> None:
+    """Convert derivatives by the way in samples (n, 3 axes) to those by time."""
+    axes = samples.shape[1] // 3
+    for k in range(len(ways)):
         speed, change = ways[k, 1], ways[k, 2]
         for i in range(axes):
-            slope, bend = out[k, axes + i], out[k, 2 * axes + i]
-            out[k, axes + i] = speed * slope
-            out[k, 2 * axes + i] = change * slope + speed * speed * bend
-    return out
+            slope, bend = samples[k, axes + i], samples[k, 2 * axes + i]
+            samples[k, axes + i] = speed * slope
+            samples[k, 2 * axes + i] = change * slope + speed * speed * bend

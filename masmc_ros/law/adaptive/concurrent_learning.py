@@ -24,6 +24,7 @@ from masmc_ros.jit.arrays import to_vector
 from masmc_ros.jit.compiled import formula, kernel
 from masmc_ros.jit.field import Field
 from masmc_ros.jit.lanes import in_place
+from masmc_ros.jit.scratch import scratch
 from masmc_ros.jit.tuples import elementwise, from_index, unit
 from masmc_ros.law import fields
 from masmc_ros.law.law import Law
@@ -38,7 +39,6 @@ from masmc_ros.numerics.scalars import plus
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.formula_types import Lengths, MechanismInertia, MechanismRegressor
-import numpy as np
 
 PARAMETERS = (
     *RASMC.parameters,
@@ -216,7 +216,7 @@ def _record_point(
     impulse = in_place(memory, 'concurrent_learning_impulse')
     n, p = len(inertia), len(gamma)
     size = n * p
-    point, target, factored = np.empty(size), np.empty(n), np.empty((n, n))
+    point, target, factored = scratch(size), scratch(n), scratch(n, n)
     for i in range(n):
         target[i] = impulse[i] / elapsed
         for j in range(p):
@@ -286,12 +286,12 @@ def _place_to_replace(stack: Array, point: Array, gamma: Numbers) -> int:
     """Return the place at which a point makes the smallest eigenvalue largest, or -1."""
     p, size = len(gamma), len(point)
     n = size // p
-    whole = np.empty((p, p))
+    whole = scratch(p, p)
     for j in range(p):
         for k in range(p):
             whole[j, k] = _information(stack, POINTS * n, p, j, k)
     best, place = smallest_eigenvalue(whole, gamma) * (1.0 + _ROUNDING), -1
-    changed = np.empty((p, p))
+    changed = scratch(p, p)
     for number in range(POINTS):
         for j in range(p):
             for k in range(p):
@@ -315,7 +315,7 @@ def smallest_eigenvalue(matrix: Array, gamma: Numbers) -> float:
     Inverse iteration computes it. A small multiple of Gamma is added to a singular A.
     """
     p = len(gamma)
-    scaled, work, x = np.empty((p, p)), np.empty((p, p)), np.empty(p)
+    scaled, work, x = scratch(p, p), scratch(p, p), scratch(p)
     trace = 0.0
     for j in range(p):
         for k in range(p):
@@ -355,7 +355,7 @@ def _recalled(memory: Memory, theta: Numbers, gamma: Numbers, weight: float) -> 
     information = in_place(memory, 'concurrent_learning_information')
     vector = in_place(memory, 'concurrent_learning_vector')
     n = len(theta)
-    work = np.empty((n, n + 1))
+    work = scratch(n, n + 1)
     for i in range(n):
         residual = vector[i]
         for j in range(n):

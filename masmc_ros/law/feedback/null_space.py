@@ -21,6 +21,7 @@ from __future__ import annotations
 from masmc_ros.aliases import Axes, Columns, Joints, Numbers
 from masmc_ros.jit.arrays import to_vector
 from masmc_ros.jit.compiled import formula, kernel
+from masmc_ros.jit.scratch import scratch
 from masmc_ros.jit.tuples import elementwise, from_index, unit
 from masmc_ros.law import fields
 from masmc_ros.law.declared import PerEntry
@@ -39,7 +40,6 @@ from masmc_ros.numerics.scalars import minus, plus, zero
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.formula_types import Lengths, MechanismInertia, MechanismPosture
-import numpy as np
 
 PARAMETERS = (
     Parameter(
@@ -94,7 +94,7 @@ def prioritised_force(mobility: Columns, wanted: Numbers, first: int) -> Numbers
 
     """
     n = len(wanted)
-    work, force = np.empty((n, n + 1)), np.zeros(n)
+    work, force = scratch(n, n + 1), scratch(n)
     for i in range(n):
         work[i, n] = wanted[i]
         for j in range(n):
