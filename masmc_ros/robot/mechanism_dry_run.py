@@ -162,7 +162,7 @@ def _examples(
     sizes, tags = mechanism.sizes, {'mechanism': mechanism.tag}
     record = new_record((Field('geometry', 'lengths'),), sizes, 1, tags)
     fill(record, 'geometry', np.array(lengths))
-    memory = new_record(_fields_of(LawMemory), sizes, 1, tags)
+    memory = new_record(tuple(LawMemory), sizes, 1, tags)
     axes, joints = (
         tuple(np.linspace(0.1, 0.3, sizes[size]).tolist()) for size in ('axes', 'joints')
     )

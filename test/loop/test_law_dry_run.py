@@ -5,10 +5,10 @@
 
 from __future__ import annotations
 
-from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
 
+from helpers.law_module import module_of
 from masmc_ros.errors import InputError
 from masmc_ros.jit.compiled import kernel
 from masmc_ros.law import registry
@@ -127,17 +127,6 @@ MISTAKES = {
         'settings.boundary_layer', 'settings.boundary_layers', 'did you mean boundary_layer',
     ),
 }  # fmt: skip
-
-
-def module_of(path: Path, source: str) -> ModuleType:
-    """Return the module of a source, written to a file."""
-    path.write_text(source, encoding='utf-8')
-    spec = spec_from_file_location(path.stem, path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def run(module: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
