@@ -136,6 +136,8 @@ def gain(
                 raise MistakeError(f'{name} = {default}: expected a number {bounds}')
             return PerEntry(name, size, default, description, unit, note, is_positive)
         value = float(default) if type(default) is int and not is_whole else default
+        if size not in (ONE, None) or (size is None and is_whole):
+            raise MistakeError(f'{name}: expected float, int, Axes, Joints, Parameters or Numbers')
         kinds = (int, str) if is_whole else (float,) if size == ONE else (tuple,)
         if not isinstance(value, kinds):
             expected = ' or '.join(kind.__name__ for kind in kinds)

@@ -112,14 +112,15 @@ class Law:
     def __post_init__(self) -> None:
         """Read the declarations, and make the law available to compiled code under its name."""
         for name, kinds, expected in (
-            ('parameters', Declared, 'gain(...), Parameter or PerEntry'),
-            ('memory', Field, 'field(...) or Field'),
+            ('parameters', Declared, 'a class derived from fields.Settings, or Parameter'),
+            ('memory', Field, 'a class derived from fields.Memory, or Field'),
         ):
-            declared = tuple(getattr(self, name))
-            for entry in declared:
+            declared = getattr(self, name)
+            entries = (declared,) if type(declared) is type else tuple(declared)
+            for entry in entries:
                 if not isinstance(entry, kinds):
                     raise MistakeError(f'{self.name}: {name}: {entry}: expected {expected}')
-            object.__setattr__(self, name, declared)
+            object.__setattr__(self, name, entries)
         _registered[self.name] = self
 
     def fits(self, mechanism: Mechanism) -> bool:

@@ -34,7 +34,7 @@ CLASSES = f'''
 import math
 
 from masmc_ros import aliases
-from masmc_ros.aliases import Axes, Joints, Numbers, Parameters
+from masmc_ros.aliases import Axes, Joints, Numbers, Positions
 from masmc_ros.jit.compiled import formula
 from masmc_ros.jit.tuples import elementwise
 from masmc_ros.law import fields
@@ -117,6 +117,8 @@ MISTAKES = {
     'bound of a vector': ("note='; 0: nothing'", 'maximum=5.0', 'maximum: only for one number'),
     'vector without a size': (", size=('axes', 3)", '', 'expected Numbers = field(..., size=...)'),
     'two sizes': ("field('w', 'N'", "field('w', 'N', size=3", 'such as Axes, without it'),
+    'vector of another kind': ('mine_k: Axes', 'mine_k: Positions', 'expected float, int, Axes'),
+    'class without base': ('class Memory(fields.Memory)', 'class Memory', 'derived from fields.M'),
     'gain in the memory': ("field('Number of ticks')", "gain(1, 'Number')", 'mine: memory:'),
     'memory in the parameters': ('SIGMA), Memory', '*Memory), Memory', 'parameters:'),
 }  # fmt: skip
