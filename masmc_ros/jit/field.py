@@ -222,12 +222,17 @@ class _Iterable(type):
     _is_shared = False
 
     def __iter__(cls) -> Iterator[Any]:
-        """Yield the declarations of the class and of its bases, except shared ones."""
+        """Yield the declarations of its bases, the last one first, then its own; see `Fields`."""
         return iter(cls._declared)
 
 
 class Fields(metaclass=_Iterable):
-    """Base of classes that declare fields; iteration over them yields the declarations."""
+    """
+    Base of classes that declare fields; iteration over them yields the declarations.
+
+    Fields that every record has are declared by a class with `is_shared`. Iteration over classes
+    derived from it skips them.
+    """
 
     def __init_subclass__(cls, *, group: str = '', is_shared: bool = False) -> None:
         """
@@ -239,7 +244,7 @@ class Fields(metaclass=_Iterable):
             First part of the names of parameters: k_1 of the group `pid` is the field `pid_k_1`,
             and the parameter `pid.k_1`.
         is_shared
-            True if every record has the fields; iteration over derived classes skips them.
+            True if every record has the fields.
 
         """
         super().__init_subclass__()

@@ -91,7 +91,11 @@ class EstimatorMemory(Fields):
 
 
 class Memory(LawMemory, EstimatorMemory, EstimateMemory, is_shared=True):
-    """Memory that every law has, with that of the reaching terms; the last base is the first."""
+    """
+    Memory that every law has, with that of the reaching terms.
+
+    In a record, fields of the bases stand before these, and those of the last base first.
+    """
 
     velocity_command: Joints = field('Rates commanded at the last tick', 'm/s, rad/s')
     disturbance: Axes = field("The law's disturbance estimate d", 'N')

@@ -135,7 +135,7 @@ def test_dry_run_correct_mechanisms_pass() -> None:
         run_dry(register(mechanism), defaults(mechanism))
 
 
-@pytest.mark.skipif(is_interpreted(), reason='the dry run is skipped')
+@pytest.mark.skipif(is_interpreted(), reason='formulas are interpreted')
 def test_dry_run_of_installed_mechanism_ends_command(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
