@@ -13,25 +13,28 @@ infinite, and a sampled law would chatter: s / sqrt(|s| + delta) replaces sqrt|s
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import masmc_ros as masmc
+from masmc_ros.aliases import Joints
 from masmc_ros.jit.compiled import formula
 from masmc_ros.jit.tuples import elementwise
+from masmc_ros.law import fields
+from masmc_ros.law.fields import gain, Memory
 from masmc_ros.law.law import Law
-from masmc_ros.law.parts.model import ESTIMATE, model_torque
+from masmc_ros.law.parts.model import model_torque
 from masmc_ros.law.registry import ENTRY_POINTS
-from masmc_ros.params.declaration import Parameter
+from masmc_ros.law.tick import Tick
 from masmc_ros.params.plug_ins import add_plug_in
 
-PARAMETERS = (
-    Parameter('power_rate.k_1', 100.0, 'Gain of s', unit='kg/s', minimum=0.0, read_only=False),
-    Parameter('power_rate.k_2', 200.0, 'Gain of the root of s', minimum=0.0, read_only=False),
-    Parameter(
-        'power_rate.delta', 0.05, 'Part of s in which the root is smooth', minimum=0.0,
-        exclusive_minimum=True, read_only=False,
-    ),
-)  # fmt: skip
+
+class Settings(fields.Settings, group='power_rate'):
+    """Settings of the law."""
+
+    power_rate_k_1: float = gain(100.0, 'Gain of s', 'kg/s')
+    power_rate_k_2: float = gain(200.0, 'Gain of the root of s')
+    power_rate_delta: float = gain(
+        0.05, 'Part of s in which the root is smooth', is_positive=True
+    )
 
 
 @formula
@@ -41,16 +44,19 @@ def force(s: float, k_1: float, k_2: float, delta: float) -> float:
 
 
 @formula
-def torque(settings: Any, tick: Any, memory: Any) -> Any:
+def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
     """Return the torques of the joints in N·m."""
-    k_1, k_2, delta = (
-        settings.power_rate_k_1, settings.power_rate_k_2, settings.power_rate_delta
-    )  # fmt: skip
-    u = elementwise(force, tick.surface, k_1, k_2, delta)
+    u = elementwise(
+        force,
+        tick.surface,
+        settings.power_rate_k_1,
+        settings.power_rate_k_2,
+        settings.power_rate_delta,
+    )
     return model_torque(tick, memory.estimate, u)
 
 
-POWER_RATE = Law('power_rate', torque, PARAMETERS, (ESTIMATE,), uses_switching=False)
+POWER_RATE = Law('power_rate', torque, Settings, uses_switching=False)
 
 if __name__ == '__main__':
     # A package adds it by the entry point `power_rate = power_rate:POWER_RATE` of this group.

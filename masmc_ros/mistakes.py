@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
+import linecache
 from pathlib import Path
 import sysconfig
 import traceback
@@ -26,6 +27,23 @@ _PYTHON = sysconfig.get_path('stdlib')
 
 class MistakeError(Exception):
     """Mistake with a description of its own."""
+
+    def __init__(self, text: str, file: str = '', line: int = 0) -> None:
+        """
+        Initialise the mistake.
+
+        Parameters
+        ----------
+        text
+            Description in one line.
+        file, line
+            Its place, if that is not the last line of the user in the traceback.
+
+        """
+        source = linecache.getline(file, line).strip() if file else ''
+        place = f'{file}:{line}: ' if file else ''
+        super().__init__(f'{place}{text}{f" in: {source}" if source else ""}')
+        self.has_place = bool(file)
 
 
 def place_and_text(error: BaseException, files: Collection[str] = (), otherwise: str = '') -> str:
@@ -43,7 +61,9 @@ def place_and_text(error: BaseException, files: Collection[str] = (), otherwise:
 
     """
     message = _message(error)
-    if isinstance(error, MistakeError) and any(message.startswith(file) for file in files):
+    if isinstance(error, MistakeError) and (
+        error.has_place or any(message.startswith(file) for file in files)
+    ):
         return message
     if isinstance(error, SyntaxError) and error.filename:
         return f'{error.filename}:{error.lineno}: {error.msg} in: {(error.text or "").strip()}'

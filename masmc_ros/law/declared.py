@@ -1,15 +1,18 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Declarations of live parameters with one entry per axis, joint or base parameter."""
+"""Declarations of live parameters of laws: one number, or one per axis, joint or parameter."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 from masmc_ros.aliases import Numbers
-from masmc_ros.params.declaration import Parameter, Values
+from masmc_ros.jit.field import Annotation, Declaration, ONE
+from masmc_ros.mistakes import MistakeError
+from masmc_ros.params.declaration import Bounds, Parameter, Values
 from masmc_ros.robot.declaration import Mechanism
 
 _PER_RADIAN = 0.1
@@ -84,6 +87,74 @@ class PerEntry:
 
 Declared = Parameter | PerEntry
 """Declarations of a law, a reaching term or a part."""
+
+
+def gain(
+    default: float | str | tuple[float, ...],
+    description: str,
+    unit: str = '',
+    *,
+    note: str = '',
+    is_positive: bool = False,
+    **options: Any,
+) -> Any:
+    """
+    Declare a parameter of a law in its class derived from `fields.Settings`.
+
+    The annotation is the type that the law reads: `float` or `int` for a number (with bool for a
+    switch, and text for one of `choices`), `Axes`, `Joints` or `Parameters` for a number per
+    entry, `Numbers` for an array with as many numbers as the default.
+
+    Parameters
+    ----------
+    default
+        Default. With a number per entry it is that of every entry, or the name of the
+        mechanism's default.
+    description
+        Meaning, one sentence without the unit.
+    unit
+        SI unit or ''.
+    note
+        Last part of the description of a parameter with a number per entry.
+    is_positive
+        True if 0 is out of range.
+    options
+        Further arguments of `Parameter`, such as `minimum` and `maximum`; the minimum is 0
+        without them.
+
+    """
+
+    def build(name: str, annotation: Annotation) -> Declared:
+        size, is_whole = annotation.size, annotation.kind == 'i8'
+        if size in ('axes', 'joints', 'parameters'):
+            if options:
+                raise MistakeError(f'{name}: {", ".join(options)}: only for one number')
+            if isinstance(default, tuple):
+                raise MistakeError(f'{name} = {default}: expected one number for all {size}')
+            bounds = Bounds(0.0, None, exclusive_minimum=is_positive, exclusive_maximum=False)
+            if not isinstance(default, str) and not bounds.contain(default):
+                raise MistakeError(f'{name} = {default}: expected a number {bounds}')
+            return PerEntry(name, size, default, description, unit, note, is_positive)
+        value = float(default) if type(default) is int and not is_whole else default
+        if size not in (ONE, None) or (size is None and is_whole):
+            raise MistakeError(f'{name}: expected float, int, Axes, Joints, Parameters or Numbers')
+        kinds = (int, str) if is_whole else (float,) if size == ONE else (tuple,)
+        if not isinstance(value, kinds):
+            expected = ' or '.join(kind.__name__ for kind in kinds)
+            raise MistakeError(f'{name} = {default!r}: expected {expected}, as annotated')
+        limits = {} if isinstance(value, bool | str) else {'minimum': 0.0}
+        return Parameter(
+            name,
+            value,
+            description + note,
+            unit,
+            length=len(value) if isinstance(value, tuple) else None,
+            exclusive_minimum=is_positive,
+            read_only=False,
+            **{**limits, **options},
+        )
+
+    return Declaration(build, '.')
 
 
 def declared_for(

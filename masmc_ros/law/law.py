@@ -28,9 +28,9 @@ tick
 memory
     State of the law: `memory.estimate` reads a field, `memory.estimate = value` writes it.
 
-Fields have the names of their declarations, with dots replaced by underscores. A field is a
-number, or a vector with one number per task axis, joint or inertial parameter. A law must not
-assume how many of them a robot has. Reading a vector returns a copy; loops over rules and networks
+The law declares its fields in two classes, which `law.fields` describes. A field is a number, or
+a vector with one number per task axis, joint or inertial parameter. A law must not assume how
+many of them a robot has. Reading a vector returns a copy; loops over rules and networks
 use the array `in_place(memory, 'name')` of `jit.lanes`.
 
 The functions of a law are selected at compile time, from the type of the records. A law that is
@@ -39,7 +39,7 @@ not in use costs nothing at run time.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from types import SimpleNamespace
 
@@ -50,6 +50,7 @@ from masmc_ros.jit.field import Field
 from masmc_ros.law.declared import Declared
 from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.tick import Tick
+from masmc_ros.mistakes import MistakeError
 from masmc_ros.robot.declaration import Mechanism
 
 
@@ -77,10 +78,11 @@ class Law:
     torque
         Formula that computes the joint torques; see the module docstring.
     parameters
-        Gains of this law. Parameters of the model, of adaptation and of the torque limits are
-        common to all laws and are not listed here.
+        Gains of this law: its class derived from `fields.Settings`, or declarations such as
+        `(*Settings, SIGMA)`. Parameters of the model, of adaptation and of the torque limits
+        are common to all laws and are not listed here.
     memory
-        State variables, its own and those of the parts it uses.
+        Its class derived from `fields.Memory`, or a tuple of fields.
     learn
         Formula called with the commanded torque. Default: no adaptation.
     post_update
@@ -98,8 +100,8 @@ class Law:
 
     name: str
     torque: Callable[..., Joints]
-    parameters: tuple[Declared, ...] = ()
-    memory: tuple[Field, ...] = ()
+    parameters: Iterable[Declared] = ()
+    memory: Iterable[Field] = ()
     learn: Callable[..., None] = _no_learning
     post_update: Callable[..., None] = _no_post_update
     summary: str = ''
@@ -108,7 +110,17 @@ class Law:
     most_parameters: int | None = None
 
     def __post_init__(self) -> None:
-        """Make the law available to compiled code under its name."""
+        """Read the declarations, and make the law available to compiled code under its name."""
+        for name, kinds, expected in (
+            ('parameters', Declared, 'a class derived from fields.Settings, or Parameter'),
+            ('memory', Field, 'a class derived from fields.Memory, or Field'),
+        ):
+            declared = getattr(self, name)
+            entries = (declared,) if type(declared) is type else tuple(declared)
+            for entry in entries:
+                if not isinstance(entry, kinds):
+                    raise MistakeError(f'{self.name}: {name}: {entry}: expected {expected}')
+            object.__setattr__(self, name, entries)
         _registered[self.name] = self
 
     def fits(self, mechanism: Mechanism) -> bool:

@@ -14,7 +14,7 @@ from masmc_ros.aliases import Joints
 from masmc_ros.jit.compiled import formula
 from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.law import Law
-from masmc_ros.law.parts.adaptation import adapt, GAMMA, project, REACHING_FORCE
+from masmc_ros.law.parts.adaptation import adapt, GAMMA, project
 from masmc_ros.law.parts.model import model_torque
 from masmc_ros.law.reaching.reaching import correct, reach
 from masmc_ros.law.smc import SMC
@@ -40,9 +40,8 @@ RASMC = Law(
     'rasmc',
     torque,
     (*SMC.parameters, GAMMA),
-    (*SMC.memory, REACHING_FORCE),
-    learn,
-    project,
+    learn=learn,
+    post_update=project,
     summary='sliding mode control with adaptation of the base inertial parameters',
     source='(17) and (23) of the paper',
 )

@@ -16,7 +16,6 @@ from masmc_ros.jit.tuples import elementwise
 from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
-from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.scalars import zero
@@ -38,4 +37,4 @@ def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
     return elementwise(zero, memory.commanded)
 
 
-RATES = Law('rates', torque, (SIGMA,), (ESTIMATE,), post_update=project, uses_switching=False)
+RATES = Law('rates', torque, (SIGMA,), post_update=project, uses_switching=False)

@@ -10,7 +10,7 @@ from masmc_ros.jit.compiled import formula
 from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
-from masmc_ros.law.parts.model import ESTIMATE, model_torque
+from masmc_ros.law.parts.model import model_torque
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.reaching.reaching import correct, GAINS, reach
 from masmc_ros.law.tick import Tick
@@ -27,9 +27,8 @@ SMC = Law(
     'smc',
     torque,
     (*GAINS, SIGMA),
-    (ESTIMATE,),
-    correct,
-    project,
+    learn=correct,
+    post_update=project,
     summary='sliding mode control with the nominal model',
     source='(15) of the paper',
 )

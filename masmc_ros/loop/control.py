@@ -7,43 +7,20 @@ from __future__ import annotations
 
 from masmc_ros.aliases import Joints, Record
 from masmc_ros.jit.compiled import formula, inlined, part
-from masmc_ros.jit.field import Field
 from masmc_ros.jit.lanes import lane_of, shared
 from masmc_ros.jit.record import copy_lane, copy_to, lane_count
 from masmc_ros.jit.tuples import elementwise, tail, thirds
 from masmc_ros.jit.vectors import free, mark
 from masmc_ros.law import law
 from masmc_ros.law.fields import Memory, Settings
-from masmc_ros.law.parts import delay_compensation, joint_limits, moving_base, velocity_estimator
-from masmc_ros.law.parts.adaptation import REACHING_FORCE
+from masmc_ros.law.parts import delay_compensation, joint_limits, moving_base
 from masmc_ros.law.parts.delay_prediction import State
 from masmc_ros.law.parts.joint_limits import within_limits
-from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.velocity_estimator import estimate_rates, ESTIMATED, note_disturbance
 from masmc_ros.law.tick import Tick, tick_of
 from masmc_ros.numerics.scalars import minus
 from masmc_ros.plant_model.plant_fields import Signals
 from masmc_ros.robot import mechanism
-
-SETTINGS = (
-    Field('geometry', 'lengths', 'Lengths of the robot', 'm'),
-    Field('nominal', 'parameters', 'theta of the nominal model'),
-    Field('period', description='Control period T', unit='s'),
-    Field('takes_rates', description='1 if joint velocities are commanded', kind='i8'),
-    *moving_base.SETTINGS,
-    Field('group', 'joints', 'Number of the group of each joint: 0, 1, ...', kind='i8'),
-)
-"""Settings of every law in addition to its declared parameters."""
-
-MEMORY = (
-    ESTIMATE,
-    *velocity_estimator.MEMORY,
-    *mechanism.DRIFT_MEMORY,
-    Field('velocity_command', 'joints', 'Rates commanded at the last tick', 'm/s, rad/s'),
-    Field('disturbance', 'axes', "The law's disturbance estimate d", 'N'),
-    REACHING_FORCE,
-)
-"""Memory of every law in addition to its declared fields."""
 
 
 @inlined

@@ -14,12 +14,11 @@ from masmc_ros.jit.lanes import lane_of
 from masmc_ros.jit.record import fill, take_over
 from masmc_ros.law import registry
 from masmc_ros.law.command_interface import by_velocity, is_hybrid, takes_rates
+from masmc_ros.law.fields import EstimatorMemory
 from masmc_ros.law.law import Law
-from masmc_ros.law.parts import velocity_estimator
 from masmc_ros.law.parts.adaptation import PROJECTION_LOWER
 from masmc_ros.law.parts.delay_compensation import note_skipped
-from masmc_ros.law.parts.joint_limits import MEMORY as LIMIT_MEMORY
-from masmc_ros.law.parts.joint_limits import TORQUE_LIMIT, TORQUE_RATE_LIMIT
+from masmc_ros.law.parts.joint_limits import LimitMemory, TORQUE_LIMIT, TORQUE_RATE_LIMIT
 from masmc_ros.law.parts.model import PAYLOAD
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES, VELOCITY_SOURCE
 from masmc_ros.law.plug_in import PlugInLaw
@@ -187,7 +186,7 @@ class Controller:
 
     def reset_adaptation(self) -> None:
         """Reset the adaptation: set theta_hat to nominal and re-initialise the law's memory."""
-        fields = (*velocity_estimator.MEMORY, *(LIMIT_MEMORY if self.keeps_joint_limits else ()))
+        fields = (*EstimatorMemory, *(LimitMemory if self.keeps_joint_limits else ()))
         kept = ('velocity_command', *(field.name for field in fields))
         before = self.memory
         self._use_memory(self._new_memory())

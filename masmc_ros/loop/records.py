@@ -25,15 +25,16 @@ from masmc_ros.law.command_interface import (
     takes_rates,
 )
 from masmc_ros.law.declared import Declared, declared_for
+from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts import delay_compensation, delay_fields, joint_limits
 from masmc_ros.law.parts.model import MODEL_SCALE, PAYLOAD_COM, PAYLOAD_INERTIA, PAYLOAD_MASS
 from masmc_ros.law.parts.moving_base import BY_TORQUE, BY_VELOCITY
 from masmc_ros.law.registry import parameters, REACHING, shared_parameters
-from masmc_ros.loop import control
 from masmc_ros.loop.signals import SIGNALS, TRACKED
 from masmc_ros.params.declaration import Parameter, Values
-from masmc_ros.plant_model import joint_effects, plant_tick
+from masmc_ros.plant_model import joint_effects
+from masmc_ros.plant_model.plant_fields import PlantMemory, PlantSettings
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.robot import Robot
 import numpy as np
@@ -59,10 +60,10 @@ def law_settings(
     shared = _fields_of(mechanism, shared_parameters(mechanism))
     own = _fields_of(mechanism, law.parameters)
     further = (
-        *(joint_limits.SETTINGS if limited else ()),
-        *(delay_fields.SETTINGS if compensated else ()),
+        *(joint_limits.LimitSettings if limited else ()),
+        *(delay_fields.CompensationSettings if compensated else ()),
     )
-    first = (*further, *control.SETTINGS, *shared)
+    first = (*further, *Settings, *shared)
     tags = {
         'mechanism': mechanism.tag,
         'base': BY_VELOCITY if is_hybrid else BY_TORQUE,
@@ -101,7 +102,7 @@ def write_law(
     fill(settings, 'group', robot.mechanism.group_of_joints, lane)
     if is_limited(values, robot.mechanism):
         kept = joint_limits.kept_limits(robot.mechanism)
-        for field, limit in zip(joint_limits.SETTINGS, kept, strict=True):
+        for field, limit in zip(joint_limits.LimitSettings, kept, strict=True):
             fill(settings, field.name, limit, lane)
 
 
@@ -149,10 +150,10 @@ def _memory_fields(*, compensated: bool, limited: bool = False) -> tuple[Field, 
     terms = (field for term in REACHING.values() for field in term.memory)
     # In front: Numba would accept a record with more fields at its end as one without them.
     further = (
-        *(joint_limits.MEMORY if limited else ()),
-        *(delay_fields.MEMORY if compensated else ()),
+        *(joint_limits.LimitMemory if limited else ()),
+        *(delay_fields.CompensationMemory if compensated else ()),
     )
-    return (*further, *control.MEMORY, *terms)
+    return (*further, *Memory, *terms)
 
 
 def is_limited(values: Values, mechanism: Mechanism) -> bool:
@@ -207,12 +208,12 @@ def plant_settings(
         'mechanism': mechanism.tag,
         'effects': joint_effects.ON if has_effects else joint_effects.OFF,
     }
-    return new_record(plant_tick.SETTINGS, mechanism.sizes, lanes, tags, is_constant=True)
+    return new_record((*PlantSettings,), mechanism.sizes, lanes, tags, is_constant=True)
 
 
 def plant_memory(mechanism: Mechanism, lanes: int = 1) -> Records:
     """Return the memory of a plant."""
-    return new_record(plant_tick.MEMORY, mechanism.sizes, lanes)
+    return new_record((*PlantMemory,), mechanism.sizes, lanes)
 
 
 def signals(mechanism: Mechanism, lanes: int = 1) -> Records:

@@ -4,7 +4,7 @@
 """
 One tick of the plant in all lanes, from a command to the next true and measured state.
 
-Arguments of several functions: `plant` and `memory` are the records SETTINGS and MEMORY,
+Arguments of several functions: `plant` and `memory` have `PlantSettings` and `PlantMemory`,
 `signals` those of the tick, each with all lanes. `delay_line` (maximum delay + 2, positions,
 velocities and commands) has the delayed values of each lane. `holds` is True for a void command.
 """
@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from masmc_ros.aliases import Array, Numbers, Record
 from masmc_ros.jit.compiled import formula, inlined
-from masmc_ros.jit.field import Field
 from masmc_ros.jit.lanes import lane_of
 from masmc_ros.jit.record import lane_count
 from masmc_ros.jit.scratch import scratch
@@ -41,80 +40,6 @@ from masmc_ros.plant_model.measurement import delay_measurement, measure, receiv
 from masmc_ros.plant_model.motion import runge_kutta_stage
 from masmc_ros.plant_model.plant_fields import PlantMemory, PlantSettings, Signals
 from masmc_ros.robot import mechanism
-
-SETTINGS = (
-    Field('geometry', 'lengths', 'Lengths of the robot', 'm'),
-    Field('theta', 'parameters', 'Its base inertial parameters'),
-    Field('amplitude', 'joints', 'Amplitude of the disturbance', 'N·m'),
-    Field('frequency', 'joints', 'Frequency of the disturbance', 'rad/s'),
-    Field('phase', 'joints', 'Phase of the disturbance', 'rad'),
-    Field('limit', 'joints', "Limit of each motor's torque; 0: no limit", 'N·m'),
-    Field('rate_limit', 'joints', 'Limit of its rate; 0: no limit', 'N·m/s'),
-    Field('period', description='Control period, that of all lanes', unit='s'),
-    Field('steps', description='Integration steps in a period, in all lanes', kind='i8'),
-    Field('takes_rates', description='Whether rates are commanded, in all lanes', kind='i8'),
-    Field('is_hybrid', description='Whether only the base follows rates, in all lanes', kind='i8'),
-    Field('by_velocity', 'joints', 'Whether a joint follows a commanded velocity', kind='i8'),
-    Field('base_decay', 'joints', 'Share of a past base velocity that remains after a step'),
-    Field('is_exact', description='Whether the measurement is the true state', kind='i8'),
-    Field('resolution', 'joints', 'Step of the encoders; 0: exact', 'rad'),
-    Field('noise', 'joints', 'Standard deviation of the measured rates', 'rad/s'),
-    Field('lacks_velocity', description='Whether velocities are not measured', kind='i8'),
-    Field('delay', description='Largest delay of the measurement in ticks', kind='i8'),
-    Field('delay_span', description='Largest minus smallest delay in ticks', kind='i8'),
-    Field('command_delay', description='Largest delay of commands in ticks', kind='i8'),
-    Field('command_delay_span', description='Largest minus smallest delay in ticks', kind='i8'),
-    Field('measurement_loss', description='Probability that a measurement is lost'),
-    Field('command_loss', description='Probability that a command is lost'),
-    Field('seed', description='Seed of noise, jitter and losses', kind='i8'),
-    Field('bandwidth', 'joints', "Bandwidth of the drives' velocity loops", 'rad/s'),
-    Field('inertia', 'joints', 'Inertia for which the drives are tuned', 'kg·m²'),
-    Field('has_losses', description='Whether motors lag or joints stick', kind='i8'),
-    Field('lag_decay', 'joints', "Share of a motor's torque that remains after half a step"),
-    Field('lag_mean', 'joints', 'Mean of this share over a period'),
-    Field('stiction', 'joints', 'Level of stiction; 0: no stiction', 'N·m'),
-    Field('stiction_velocity', 'joints', 'Velocity with half of it', 'rad/s'),
-    Field('bristle_stiffness', 'joints', 'sigma_0 of stiction', 'N·m/rad'),
-    Field('bristle_damping', 'joints', 'sigma_1 of stiction', 'N·m·s/rad'),
-    Field('is_elastic', description='Whether a joint is elastic', kind='i8'),
-    Field('joint_stiffness', 'joints', 'Stiffness of elastic joints; 0: rigid', 'N·m/rad'),
-    Field('joint_damping', 'joints', 'Damping of elastic joints', 'N·m·s/rad'),
-    Field('rotor_inertia', 'joints', 'Inertia of the rotors of elastic joints', 'kg·m²'),
-)
-"""Settings of the plant: robot, disturbances and measurement."""
-
-MEMORY = (
-    Field('position', 'positions', 'True positions', 'm, rad'),
-    Field('velocity', 'positions', 'Their derivatives', 'm/s, rad/s'),
-    Field('rates', 'joints', 'True joint rates', 'rad/s'),
-    Field('reached', 'positions', 'Positions at the stage of a step', 'm, rad'),
-    Field('reached_rates', 'joints', 'Rates of the joints there', 'rad/s'),
-    Field('slopes', 'positions', 'Sum of the derivatives of the positions so far'),
-    Field('accelerations', 'joints', 'Sum of the derivatives of the rates so far', 'rad/s²'),
-    Field('disturbance', 'joints', 'Disturbance torque at the time reached', 'N·m'),
-    Field('torque', 'joints', 'Commanded torque that has arrived', 'N·m'),
-    Field('commanded_rates', 'joints', 'Commanded velocities that have arrived', 'm/s, rad/s'),
-    Field('followed_rates', 'joints', 'Velocities that the drives follow', 'm/s, rad/s'),
-    Field('acting', description='Tick of the command that has arrived', kind='i8'),
-    Field('shown', description='Tick of the measurement that has arrived', kind='i8'),
-    Field('target', 'joints', 'Torque that the motors follow', 'N·m'),
-    Field('motor', 'joints', 'Torque of lagging motors', 'N·m'),
-    Field('deflection', 'joints', 'Deflection of the bristles of stiction', 'rad'),
-    Field('stiction', 'joints', 'Torque of stiction', 'N·m'),
-    Field('driven', 'joints', 'Torque of drives and stiction', 'N·m'),
-    Field('drive_integral', 'joints', "Integrals of the drives' velocity loops", 'N·m'),
-    Field('rotor_angles', 'joints', 'Angles of the rotors of elastic joints', 'rad'),
-    Field('rotor_rates', 'joints', 'Their rates', 'rad/s'),
-    Field('reached_rotors', 'joints', 'Angles of the rotors at the stage of a step', 'rad'),
-    Field('reached_rotor_rates', 'joints', 'Their rates there', 'rad/s'),
-    Field('rotor_slopes', 'joints', 'Sum of the derivatives of their angles so far'),
-    Field('rotor_accelerations', 'joints', 'Sum of those of their rates', 'rad/s²'),
-    Field('actuated', 'joints', 'Torque on the rotors', 'N·m'),
-    Field('odometry', 'base', "Pose of the base by odometry", 'm, rad'),
-    Field('counted', 'joints', 'Encoder angles in the odometry', 'rad'),
-    Field('standard_noise', 'joints', 'Standard normal numbers of the tick'),
-)
-"""Memory from tick to tick."""
 
 
 @formula

@@ -11,9 +11,14 @@ all fields of laws. These types have no values: editors, mypy and the dry run of
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Protocol
 
 from masmc_ros.aliases import Axes, Joints, Numbers, Parameters
+from masmc_ros.jit.field import field, Fields
+
+FIRST_DRIFT_GAIN = 0.5
+"""Gain of the first estimate of the drift; later gains decrease."""
 
 Lengths = Annotated[tuple[object, ...], 'model']
 """Named tuple of a mechanism's constant lengths, the first argument of its formulas."""
@@ -46,21 +51,29 @@ class RobotLane:
     error: Axes
 
 
-class LawSettings:
-    """Settings of a law that formulas of mechanisms read."""
+class MechanismParameters:
+    """Values of parameters of laws that formulas of mechanisms read."""
 
-    nominal: Parameters
-    period: float
-    takes_rates: int
     gamma: Parameters
     projection_lower: float
     projection_upper: float
 
 
-class LawMemory:
+class LawSettings(Fields, MechanismParameters):
+    """Settings of a law that formulas of mechanisms read."""
+
+    geometry: Numbers = field('Lengths of the robot', 'm', size='lengths')
+    nominal: Parameters = field('theta of the nominal model')
+    period: float = field('Control period T', 's')
+    takes_rates: int = field('1 if joint velocities are commanded')
+
+
+class LawMemory(Fields):
     """State of a law that formulas of mechanisms read and write."""
 
-    drift: Joints
-    drift_predicted: Joints
-    drift_limited: Joints
-    drift_gain: float
+    drift: Joints = field('Estimated drift, in the velocities of the mechanism', '1/s²')
+    drift_predicted: Joints = field(
+        'sigma of the next tick without a change of the drift', '1/s', initial=math.nan
+    )
+    drift_limited: Joints = field('Time since torques are at a limit, with its sign', 's')
+    drift_gain: float = field('Gain of the next estimate', initial=FIRST_DRIFT_GAIN)

@@ -68,13 +68,11 @@ compensates them (`follow_drift`, `compensated`). For any other mechanism the dr
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 from masmc_ros.aliases import Axes, BasePose, Joints, Parameters, Positions
 from masmc_ros.jit.compiled import formula
 from masmc_ros.jit.dispatch import by_class, by_tag, interface
-from masmc_ros.jit.field import Field
 from masmc_ros.robot.declaration import formulas_of_model, formulas_of_tag
 from masmc_ros.robot.formula_types import (
     HasGeometry,
@@ -386,17 +384,3 @@ def dead_reckoned(model: Lengths, pose: BasePose, turned: Joints) -> BasePose:
 def counts_turns(model: Lengths, resolution: Joints) -> bool:
     """Return True if the encoders for the base's pose have a finite resolution."""
 
-
-FIRST_DRIFT_GAIN = 0.5
-"""Gain of the first estimate; later gains decrease."""
-
-DRIFT_MEMORY = (
-    Field('drift', 'joints', 'Estimated drift, in the velocities of the mechanism', '1/s²'),
-    Field(
-        'drift_predicted', 'joints', 'sigma of the next tick without a change of the drift',
-        '1/s', initial=math.nan,
-    ),
-    Field('drift_limited', 'joints', 'Time since torques are at a limit, with its sign', 's'),
-    Field('drift_gain', description='Gain of the next estimate', initial=FIRST_DRIFT_GAIN),
-)  # fmt: skip
-"""Memory of every law."""

@@ -35,7 +35,7 @@ from masmc_ros.jit.checked_lane import (
     run_dry_once,
     text_of,
 )
-from masmc_ros.jit.compiled import interpreted
+from masmc_ros.jit.compiled import interpreted, is_interpreted
 from masmc_ros.jit.field import Field, field_of
 from masmc_ros.jit.generated import is_generated
 from masmc_ros.jit.record import fill, new_record
@@ -128,7 +128,8 @@ def _check_names(mechanism: Mechanism) -> None:
 
 def _check_is_formula(name: str, formula: object) -> None:
     function = function_of(formula)
-    if not hasattr(formula, 'py_func') and not is_generated(function):
+    is_plain = not hasattr(formula, 'py_func') and not is_generated(function)
+    if is_plain and not is_interpreted():
         code = function.__code__
         raise MistakeError(
             f'{code.co_filename}:{code.co_firstlineno}: {name} is an ordinary function; expected '
@@ -162,7 +163,7 @@ def _examples(
     sizes, tags = mechanism.sizes, {'mechanism': mechanism.tag}
     record = new_record((Field('geometry', 'lengths'),), sizes, 1, tags)
     fill(record, 'geometry', np.array(lengths))
-    memory = new_record(_fields_of(LawMemory), sizes, 1, tags)
+    memory = new_record(tuple(LawMemory), sizes, 1, tags)
     axes, joints = (
         tuple(np.linspace(0.1, 0.3, sizes[size]).tolist()) for size in ('axes', 'joints')
     )

@@ -55,6 +55,7 @@ def thresholds() -> Iterator[list[tuple[int, int, int]]]:
         gc.set_threshold(*usual)
 
 
+@pytest.mark.skipif(is_interpreted(), reason='nothing is compiled')
 def test_garbage_collection_compiling_is_rarer_then_restored(
     thresholds: list[tuple[int, int, int]],
 ) -> None:
@@ -71,6 +72,7 @@ def test_bound_plain_function_of_mechanism_is_unmodified() -> None:
     assert is_loaded(transforms, 1.0, 2.0)
 
 
+@pytest.mark.skipif(is_interpreted(), reason='nothing is compiled')
 def test_garbage_collection_compilation_fails_is_restored(thresholds: list[Any]) -> None:
     inner = numba.njit(lambda x: x.nothing)
     with pytest.raises(numba.TypingError):
@@ -79,6 +81,7 @@ def test_garbage_collection_compilation_fails_is_restored(thresholds: list[Any])
     assert gc.get_threshold() == (700, 10, 5)
 
 
+@pytest.mark.skipif(is_interpreted(), reason='nothing is compiled')
 def test_garbage_collection_disabled_stays_disabled(
     thresholds: list[tuple[int, int, int]]
 ) -> None:

@@ -18,6 +18,7 @@ from types import ModuleType
 from helpers.child_environment import child_environment
 from helpers.small_tree import parameters
 from masmc_ros.jit import sources
+from masmc_ros.jit.compiled import is_interpreted
 from masmc_ros.jit.sized_records import type_of
 from masmc_ros.law.registry import LAWS
 from masmc_ros.loop.law_code import code_of_law
@@ -60,6 +61,7 @@ def test_params_give_compiled_code_no_constants() -> None:
                 assert not [alias.name for alias in node.names if alias.name.isupper()], path
 
 
+@pytest.mark.skipif(is_interpreted(), reason='nothing is compiled')
 def test_sources_of_tick_are_those_of_law_term_and_robot() -> None:
     tree = tree_mechanism(parameters())
     laws = {law: used(TWO_LINK, law) for law in ('pid', 'rasmc')}
@@ -180,6 +182,7 @@ def test_edit_of_constant_in_other_package_changes_result(tmp_path: Path) -> Non
     assert run() == '6.0 1'
 
 
+@pytest.mark.skipif(is_interpreted(), reason='nothing is compiled')
 def test_edit_after_import_keeps_text_of_running_process(tmp_path: Path) -> None:
     """A process must not save the code of what it has imported under the text of a later edit."""
     path = tmp_path / 'edited.py'
@@ -242,6 +245,7 @@ def test_sources_contain_all_compiled_functions(
     assert compiled <= closure
 
 
+@pytest.mark.skipif(is_interpreted(), reason='nothing is compiled')
 def test_library_with_formulas_is_a_source(monkeypatch: pytest.MonkeyPatch) -> None:
     """Formulas that a user's law imports from another installed package are in its code."""
     library = Path(sysconfig.get_path('purelib'))

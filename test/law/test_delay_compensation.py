@@ -16,7 +16,7 @@ from masmc_ros.control.gates import outdated_latency, StateLateness
 from masmc_ros.jit.compiled import kernel
 from masmc_ros.jit.lanes import lane_of
 from masmc_ros.law.parts.delay_compensation import horizon
-from masmc_ros.law.parts.delay_fields import MEMORY, SETTINGS
+from masmc_ros.law.parts.delay_fields import CompensationMemory, CompensationSettings
 from masmc_ros.law.parts.delay_prediction import BANDWIDTH, estimate_gain, observer_gains
 from masmc_ros.law.parts.velocity_estimator import filter_bandwidth
 from masmc_ros.loop.closed_loop import limit_torque, predict_state, reduce_torque
@@ -249,7 +249,7 @@ def test_withheld_torque_rate_limit_adds_nothing() -> None:
 def test_latency_zero_has_no_further_state() -> None:
     controller = DelayedLoop({}).controller
     names = {*(controller.settings.dtype.names or ()), *(controller.memory.dtype.names or ())}
-    assert names.isdisjoint(field.name for field in (*MEMORY, *SETTINGS))
+    assert names.isdisjoint(field.name for field in (*CompensationMemory, *CompensationSettings))
 
 
 def test_latency_changes_live_and_back() -> None:

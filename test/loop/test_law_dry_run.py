@@ -5,12 +5,12 @@
 
 from __future__ import annotations
 
-from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
 
+from helpers.law_module import module_of
 from masmc_ros.errors import InputError
-from masmc_ros.jit.compiled import kernel
+from masmc_ros.jit.compiled import is_interpreted, kernel
 from masmc_ros.law import registry
 from masmc_ros.law.law import Law
 from masmc_ros.law.registry import LAWS, OF_RATES
@@ -129,17 +129,6 @@ MISTAKES = {
 }  # fmt: skip
 
 
-def module_of(path: Path, source: str) -> ModuleType:
-    """Return the module of a source, written to a file."""
-    path.write_text(source, encoding='utf-8')
-    spec = spec_from_file_location(path.stem, path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 def run(module: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
     """Run the law of a module dry, with its reaching term."""
     monkeypatch.setitem(registry.REACHING, 'mine_term', module.TERM)
@@ -150,6 +139,8 @@ def run(module: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_dry_run_mistake_is_one_line(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    if name == 'function without decorator' and is_interpreted():
+        pytest.skip('formulas are interpreted')
     correct, wrong, text = MISTAKES[name]
     assert SOURCE.count(correct) == 1
     path = tmp_path / 'mine.py'

@@ -12,6 +12,7 @@ from pathlib import Path
 import subprocess
 import sys
 
+from masmc_ros.jit.compiled import is_interpreted
 from masmc_ros.law import registry
 from masmc_ros.law.smc import SMC
 from masmc_ros.loop import law_change, law_code
@@ -28,6 +29,7 @@ TIMEOUT = 60.0
 
 
 @pytest.mark.slow
+@pytest.mark.skipif(is_interpreted(), reason='nothing is compiled')
 def test_preparation_loaded_live_change_compiles_nothing() -> None:
     law_code.load(TWO_LINK, law_code.laws_loaded_at_start())
     compiled = len(control_tick.signatures), len(post_update.signatures)
@@ -94,6 +96,7 @@ def test_preparation_process_has_no_real_time_priority() -> None:
     assert status == 0
 
 
+@pytest.mark.skipif(is_interpreted(), reason='nothing is compiled')
 def test_preparation_pauses_while_a_request_compiles(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -115,6 +118,7 @@ def test_preparation_pauses_while_a_request_compiles(
     assert prepared._process is None
 
 
+@pytest.mark.skipif(is_interpreted(), reason='nothing is compiled')
 def test_preparation_process_node_exits_ends(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

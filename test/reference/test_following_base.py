@@ -80,7 +80,7 @@ def test_base_rests_while_the_tip_is_near() -> None:
     times = np.array([0.0, 4.0])
     knots = np.zeros((2, 12))
     knots[:, :2] = (0.5, 0.0), (0.5, 0.2)
-    union, whole = follow_tip(ROBOT, times, knots, np.zeros(2))
+    union, whole = follow_tip(ROBOT, times, knots, np.zeros(4))
     assert not whole[:, [2, 3, 6, 7, 10, 11]].any()
     assert len(union) > 2
 

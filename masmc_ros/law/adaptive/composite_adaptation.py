@@ -18,9 +18,9 @@ import math
 
 from masmc_ros.aliases import Joints, Numbers
 from masmc_ros.jit.compiled import formula
-from masmc_ros.jit.field import Field
 from masmc_ros.jit.tuples import dot, elementwise
 from masmc_ros.law import fields
+from masmc_ros.law.fields import field, gain
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import adapt_along, project
 from masmc_ros.law.parts.delay_compensation import gradient
@@ -29,53 +29,26 @@ from masmc_ros.law.rasmc import RASMC
 from masmc_ros.law.reaching.reaching import correct
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.scalars import minus
-from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 
-PARAMETERS = (
-    *RASMC.parameters,
-    Parameter(
-        'composite_adaptation.kappa',
-        0.1,
-        'Weight kappa of the prediction error relative to the tracking error; 0: rasmc',
-        unit='s',
-        minimum=0.0,
-        read_only=False,
-    ),
-    Parameter(
-        'composite_adaptation.rate',
-        200.0,
-        'Rate lambda of the filter of the prediction error',
-        unit='1/s',
-        minimum=0.0,
-        exclusive_minimum=True,
-        read_only=False,
-    ),
-)
 
-MEMORY = (
-    *RASMC.memory,
-    Field('composite_adaptation_error', 'joints', 'Filtered error of the acceleration'),
-    Field('composite_adaptation_torque', 'joints', 'Torque of the tick before', 'N·m'),
-    Field(
-        'composite_adaptation_velocity', 'joints', 'v of the tick before', initial=math.nan
-    ),
-)
-
-
-class Settings(fields.Settings):
+class Settings(fields.Settings, group='composite_adaptation'):
     """Settings of the law."""
 
-    composite_adaptation_kappa: float
-    composite_adaptation_rate: float
+    composite_adaptation_kappa: float = gain(
+        0.1, 'Weight kappa of the prediction error relative to the tracking error; 0: rasmc', 's'
+    )
+    composite_adaptation_rate: float = gain(
+        200.0, 'Rate lambda of the filter of the prediction error', '1/s', is_positive=True
+    )
 
 
 class Memory(fields.Memory):
     """Memory of the law."""
 
-    composite_adaptation_error: Joints
-    composite_adaptation_torque: Joints
-    composite_adaptation_velocity: Joints
+    composite_adaptation_error: Joints = field('Filtered error of the acceleration')
+    composite_adaptation_torque: Joints = field('Torque of the tick before', 'N·m')
+    composite_adaptation_velocity: Joints = field('v of the tick before', initial=math.nan)
 
 
 @formula
@@ -143,8 +116,8 @@ def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, held: Joi
 COMPOSITE_ADAPTATION = Law(
     'composite_adaptation',
     RASMC.torque,
-    PARAMETERS,
-    MEMORY,
+    (*RASMC.parameters, *Settings),
+    Memory,
     learn,
     project,
     summary='rasmc that learns from the error of its predicted acceleration as well',

@@ -22,11 +22,11 @@ import math
 from masmc_ros.aliases import Array, Joints, Numbers, Parameters
 from masmc_ros.jit.arrays import to_vector
 from masmc_ros.jit.compiled import formula, kernel
-from masmc_ros.jit.field import Field
 from masmc_ros.jit.lanes import in_place
 from masmc_ros.jit.scratch import scratch
 from masmc_ros.jit.tuples import elementwise, from_index, unit
 from masmc_ros.law import fields
+from masmc_ros.law.fields import field, gain
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import adapt_along, project
 from masmc_ros.law.parts.delay_compensation import gradient
@@ -36,54 +36,12 @@ from masmc_ros.law.reaching.reaching import correct
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.elimination import factor, solve, solve_definite
 from masmc_ros.numerics.scalars import plus
-from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.formula_types import Lengths, MechanismInertia, MechanismRegressor
-
-PARAMETERS = (
-    *RASMC.parameters,
-    Parameter(
-        'concurrent_learning.kappa',
-        0.1,
-        'Weight kappa of the recorded data relative to the tracking error; 0: rasmc',
-        unit='s²',
-        minimum=0.0,
-        read_only=False,
-    ),
-    Parameter(
-        'concurrent_learning.interval',
-        0.05,
-        'Time over which the motion is averaged to a data point',
-        unit='s',
-        minimum=0.0,
-        read_only=False,
-    ),
-    Parameter(
-        'concurrent_learning.forgetting',
-        0.1,
-        'Rate at which recorded points fade, and newer ones replace them; 0: no fading',
-        unit='1/s',
-        minimum=0.0,
-        read_only=False,
-    ),
-)
 
 POINTS = 20
 """Number of data points in the stack."""
 
-MEMORY = (
-    *RASMC.memory,
-    Field('concurrent_learning_information', ('parameters', 'parameters'), 'A, by its rows'),
-    Field('concurrent_learning_vector', 'parameters', 'b'),
-    Field('concurrent_learning_stack', (POINTS, 'joints', 'parameters'), 'G_j, by its rows'),
-    Field('concurrent_learning_targets', (POINTS, 'joints'), 'y_j'),
-    Field('concurrent_learning_count', description='Number of points recorded'),
-    Field('concurrent_learning_motion', ('joints', 'parameters'), 'Integral of W, by its rows'),
-    Field('concurrent_learning_impulse', 'joints', 'Integral of f'),
-    Field('concurrent_learning_elapsed', description='Time of both integrals', unit='s'),
-    Field('concurrent_learning_torque', 'joints', 'Torque of the tick before', 'N·m'),
-    Field('concurrent_learning_velocity', 'joints', 'v of the tick before', initial=math.nan),
-)
 
 _NOVELTY = 0.05
 """Minimum squared distance of a new point to all others, relative to its square."""
@@ -95,27 +53,39 @@ _ITERATIONS = 30
 _ROUNDING = 1.0e-9
 
 
-class Settings(fields.Settings):
+class Settings(fields.Settings, group='concurrent_learning'):
     """Settings of the law."""
 
-    concurrent_learning_kappa: float
-    concurrent_learning_interval: float
-    concurrent_learning_forgetting: float
+    concurrent_learning_kappa: float = gain(
+        0.1, 'Weight kappa of the recorded data relative to the tracking error; 0: rasmc', 's²'
+    )
+    concurrent_learning_interval: float = gain(
+        0.05, 'Time over which the motion is averaged to a data point', 's'
+    )
+    concurrent_learning_forgetting: float = gain(
+        0.1, 'Rate at which recorded points fade, and newer ones replace them; 0: no fading', '1/s'
+    )
 
 
 class Memory(fields.Memory):
     """Memory of the law."""
 
-    concurrent_learning_information: Numbers
-    concurrent_learning_vector: Parameters
-    concurrent_learning_stack: Numbers
-    concurrent_learning_targets: Numbers
-    concurrent_learning_count: float
-    concurrent_learning_motion: Numbers
-    concurrent_learning_impulse: Joints
-    concurrent_learning_elapsed: float
-    concurrent_learning_torque: Joints
-    concurrent_learning_velocity: Joints
+    concurrent_learning_information: Numbers = field(
+        'A, by its rows', size=('parameters', 'parameters')
+    )
+    concurrent_learning_vector: Parameters = field('b')
+    concurrent_learning_stack: Numbers = field(
+        'G_j, by its rows', size=(POINTS, 'joints', 'parameters')
+    )
+    concurrent_learning_targets: Numbers = field('y_j', size=(POINTS, 'joints'))
+    concurrent_learning_count: float = field('Number of points recorded')
+    concurrent_learning_motion: Numbers = field(
+        'Integral of W, by its rows', size=('joints', 'parameters')
+    )
+    concurrent_learning_impulse: Joints = field('Integral of f')
+    concurrent_learning_elapsed: float = field('Time of both integrals', 's')
+    concurrent_learning_torque: Joints = field('Torque of the tick before', 'N·m')
+    concurrent_learning_velocity: Joints = field('v of the tick before', initial=math.nan)
 
 
 @formula
@@ -401,8 +371,8 @@ def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, held: Joi
 CONCURRENT_LEARNING = Law(
     'concurrent_learning',
     RASMC.torque,
-    PARAMETERS,
-    MEMORY,
+    (*RASMC.parameters, *Settings),
+    Memory,
     learn,
     project,
     summary='rasmc with additional adaptation to a finite stack of recorded data',

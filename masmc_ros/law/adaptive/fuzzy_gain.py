@@ -16,11 +16,10 @@ from __future__ import annotations
 
 from masmc_ros.aliases import Axes, Joints, Numbers
 from masmc_ros.jit.compiled import formula
-from masmc_ros.jit.field import Field
 from masmc_ros.jit.lanes import in_place
 from masmc_ros.jit.tuples import elementwise
 from masmc_ros.law import fields
-from masmc_ros.law.declared import PerEntry
+from masmc_ros.law.fields import field, gain
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.fuzzy_sets import (
@@ -32,54 +31,27 @@ from masmc_ros.law.parts.fuzzy_sets import (
     train_rules,
 )
 from masmc_ros.law.parts.inverse_dynamics import limited_force
-from masmc_ros.law.parts.model import ESTIMATE, model_torque
+from masmc_ros.law.parts.model import model_torque
 from masmc_ros.law.parts.realisable import realisable_for_growth
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.tick import Tick
-from masmc_ros.params.declaration import Parameter
-
-PARAMETERS = (
-    PerEntry('fuzzy_gain.a', 'axes', 300.0, 'Gain A of the linear term', 'N·s/m'),
-    PerEntry('fuzzy_gain.gamma', 'axes', 5000.0, 'Growth gamma of the rules', 'N/m'),
-    Parameter(
-        'fuzzy_gain.span',
-        0.3,
-        's at the centre of the outermost sets',
-        unit='m/s',
-        minimum=0.0,
-        exclusive_minimum=True,
-        read_only=False,
-    ),
-    Parameter(
-        'fuzzy_gain.leak',
-        0.02,
-        'Rate at which the rules return to zero',
-        unit='1/s',
-        minimum=0.0,
-        read_only=False,
-    ),
-    SIGMA,
-)
-
-MEMORY = (
-    ESTIMATE,
-    Field('fuzzy_gain_theta', ('axes', len(SEVEN)), 'theta of each rule', 'N'),
-)
 
 
-class Settings(fields.Settings):
+class Settings(fields.Settings, group='fuzzy_gain'):
     """Settings of the law."""
 
-    fuzzy_gain_a: Axes
-    fuzzy_gain_gamma: Axes
-    fuzzy_gain_span: float
-    fuzzy_gain_leak: float
+    fuzzy_gain_a: Axes = gain(300.0, 'Gain A of the linear term', 'N·s/m')
+    fuzzy_gain_gamma: Axes = gain(5000.0, 'Growth gamma of the rules', 'N/m')
+    fuzzy_gain_span: float = gain(
+        0.3, 's at the centre of the outermost sets', 'm/s', is_positive=True
+    )
+    fuzzy_gain_leak: float = gain(0.02, 'Rate at which the rules return to zero', '1/s')
 
 
 class Memory(fields.Memory):
     """Memory of the law."""
 
-    fuzzy_gain_theta: Numbers
+    fuzzy_gain_theta: Numbers = field('theta of each rule', 'N', size=('axes', len(SEVEN)))
 
 
 @formula
@@ -128,8 +100,8 @@ def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: J
 FUZZY_GAIN = Law(
     'fuzzy_gain',
     torque,
-    PARAMETERS,
-    MEMORY,
+    (*Settings, SIGMA),
+    Memory,
     learn,
     project,
     summary='sliding mode with a learned fuzzy gain of s on each axis',

@@ -20,11 +20,10 @@ from __future__ import annotations
 
 from masmc_ros.aliases import Columns, Joints, Numbers
 from masmc_ros.jit.compiled import formula
-from masmc_ros.jit.field import Field
 from masmc_ros.jit.lanes import in_place
 from masmc_ros.jit.tuples import dot, elementwise
 from masmc_ros.law import fields
-from masmc_ros.law.declared import PerEntry
+from masmc_ros.law.fields import field, gain
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.fuzzy_sets import (
@@ -38,79 +37,37 @@ from masmc_ros.law.parts.fuzzy_sets import (
     triangular,
 )
 from masmc_ros.law.parts.inverse_dynamics import rate_error
-from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.realisable import realisable_for_growth, secant
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.scalars import minus, plus
-from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 
-PARAMETERS = (
-    PerEntry('fuzzy_model.k', 'joints', 2.0, 'Gain K of the linear term', 'N·m·s'),
-    PerEntry('fuzzy_model.k_h', 'joints', 2.0, 'Gain k of the switching term', 'N·m'),
-    PerEntry('fuzzy_model.gamma', 'joints', 300.0, 'Growth gamma of the model', 'N·m'),
-    PerEntry('fuzzy_model.gamma_h', 'joints', 30.0, 'Growth gamma_h of switching', 'N·m'),
-    Parameter(
-        'fuzzy_model.leak',
-        0.02,
-        'Rate at which the rules return to zero',
-        unit='1/s',
-        minimum=0.0,
-        read_only=False,
-    ),
-    PerEntry(
-        'fuzzy_model.velocity_span',
-        'joints',
-        5.0,
-        'Velocity at the centre of the outermost sets',
-        'rad/s',
-        is_positive=True,
-    ),
-    PerEntry(
-        'fuzzy_model.acceleration_span',
-        'joints',
-        10.0,
-        'Acceleration at the centre of the outermost sets',
-        'rad/s²',
-        is_positive=True,
-    ),
-    PerEntry(
-        'fuzzy_model.error_span',
-        'joints',
-        1.0,
-        'z at the centre of the outermost sets',
-        'rad/s',
-        is_positive=True,
-    ),
-    SIGMA,
-)
 
-MEMORY = (
-    ESTIMATE,
-    Field('fuzzy_model_theta', ('joints', RULES), 'theta of each rule', 'N·m'),
-    Field('fuzzy_model_eta', ('joints', len(SEVEN)), 'eta of each rule', 'N·m'),
-)
-
-
-class Settings(fields.Settings):
+class Settings(fields.Settings, group='fuzzy_model'):
     """Settings of the law."""
 
-    fuzzy_model_k: Joints
-    fuzzy_model_k_h: Joints
-    fuzzy_model_gamma: Joints
-    fuzzy_model_gamma_h: Joints
-    fuzzy_model_leak: float
-    fuzzy_model_velocity_span: Joints
-    fuzzy_model_acceleration_span: Joints
-    fuzzy_model_error_span: Joints
+    fuzzy_model_k: Joints = gain(2.0, 'Gain K of the linear term', 'N·m·s')
+    fuzzy_model_k_h: Joints = gain(2.0, 'Gain k of the switching term', 'N·m')
+    fuzzy_model_gamma: Joints = gain(300.0, 'Growth gamma of the model', 'N·m')
+    fuzzy_model_gamma_h: Joints = gain(30.0, 'Growth gamma_h of switching', 'N·m')
+    fuzzy_model_leak: float = gain(0.02, 'Rate at which the rules return to zero', '1/s')
+    fuzzy_model_velocity_span: Joints = gain(
+        5.0, 'Velocity at the centre of the outermost sets', 'rad/s', is_positive=True
+    )
+    fuzzy_model_acceleration_span: Joints = gain(
+        10.0, 'Acceleration at the centre of the outermost sets', 'rad/s²', is_positive=True
+    )
+    fuzzy_model_error_span: Joints = gain(
+        1.0, 'z at the centre of the outermost sets', 'rad/s', is_positive=True
+    )
 
 
 class Memory(fields.Memory):
     """Memory of the law."""
 
-    fuzzy_model_theta: Numbers
-    fuzzy_model_eta: Numbers
+    fuzzy_model_theta: Numbers = field('theta of each rule', 'N·m', size=('joints', RULES))
+    fuzzy_model_eta: Numbers = field('eta of each rule', 'N·m', size=('joints', len(SEVEN)))
 
 
 @formula
@@ -200,8 +157,8 @@ def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: J
 FUZZY_MODEL = Law(
     'fuzzy_model',
     torque,
-    PARAMETERS,
-    MEMORY,
+    (*Settings, SIGMA),
+    Memory,
     learn,
     project,
     summary='a fuzzy model and fuzzy switching, learned joint by joint from nothing',

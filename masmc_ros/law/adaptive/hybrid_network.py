@@ -17,11 +17,10 @@ from __future__ import annotations
 
 from masmc_ros.aliases import Columns, Joints, Numbers
 from masmc_ros.jit.compiled import formula
-from masmc_ros.jit.field import Field
 from masmc_ros.jit.lanes import in_place
 from masmc_ros.jit.tuples import elementwise
 from masmc_ros.law import fields
-from masmc_ros.law.declared import PerEntry
+from masmc_ros.law.fields import field, gain
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.adaptive_bound import grown
@@ -34,78 +33,37 @@ from masmc_ros.law.parts.fuzzy_sets import (
     train_rules,
 )
 from masmc_ros.law.parts.inverse_dynamics import limited_motion, model_forces, rate_error
-from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.realisable import realisable_for_growth, realisable_part, secant
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.reaching.saturation import saturation
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.scalars import minus
-from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 
-PARAMETERS = (
-    PerEntry('hybrid_network.k', 'joints', 50.0, 'Gain K of the linear term', '1/s'),
-    PerEntry('hybrid_network.gamma', 'joints', 5000.0, 'Growth gamma of the network', '1/s²'),
-    PerEntry('hybrid_network.rate', 'joints', 20.0, 'Growth of the robust gain k', '1/s²'),
-    PerEntry(
-        'hybrid_network.delta',
-        'joints',
-        0.2,
-        'Boundary layer, within which k does not grow',
-        'rad/s',
-        is_positive=True,
-    ),
-    Parameter(
-        'hybrid_network.leak',
-        0.1,
-        'Rate at which rules and k return to zero',
-        unit='1/s',
-        minimum=0.0,
-        read_only=False,
-    ),
-    PerEntry(
-        'hybrid_network.velocity_span',
-        'joints',
-        5.0,
-        'Reference velocity at the centre of the outermost sets',
-        'rad/s',
-        is_positive=True,
-    ),
-    PerEntry(
-        'hybrid_network.error_span',
-        'joints',
-        1.0,
-        'z at the centre of the outermost sets',
-        'rad/s',
-        is_positive=True,
-    ),
-    SIGMA,
-)
 
-MEMORY = (
-    ESTIMATE,
-    Field('hybrid_network_weights', ('joints', RULES), 'W', 'rad/s²'),
-    Field('hybrid_network_robust', 'joints', 'k', 'rad/s²'),
-)
-
-
-class Settings(fields.Settings):
+class Settings(fields.Settings, group='hybrid_network'):
     """Settings of the law."""
 
-    hybrid_network_k: Joints
-    hybrid_network_gamma: Joints
-    hybrid_network_rate: Joints
-    hybrid_network_delta: Joints
-    hybrid_network_leak: float
-    hybrid_network_velocity_span: Joints
-    hybrid_network_error_span: Joints
+    hybrid_network_k: Joints = gain(50.0, 'Gain K of the linear term', '1/s')
+    hybrid_network_gamma: Joints = gain(5000.0, 'Growth gamma of the network', '1/s²')
+    hybrid_network_rate: Joints = gain(20.0, 'Growth of the robust gain k', '1/s²')
+    hybrid_network_delta: Joints = gain(
+        0.2, 'Boundary layer, within which k does not grow', 'rad/s', is_positive=True
+    )
+    hybrid_network_leak: float = gain(0.1, 'Rate at which rules and k return to zero', '1/s')
+    hybrid_network_velocity_span: Joints = gain(
+        5.0, 'Reference velocity at the centre of the outermost sets', 'rad/s', is_positive=True
+    )
+    hybrid_network_error_span: Joints = gain(
+        1.0, 'z at the centre of the outermost sets', 'rad/s', is_positive=True
+    )
 
 
 class Memory(fields.Memory):
     """Memory of the law."""
 
-    hybrid_network_weights: Numbers
-    hybrid_network_robust: Joints
+    hybrid_network_weights: Numbers = field('W', 'rad/s²', size=('joints', RULES))
+    hybrid_network_robust: Joints = field('k', 'rad/s²')
 
 
 @formula
@@ -186,8 +144,8 @@ def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: J
 HYBRID_NETWORK = Law(
     'hybrid_network',
     torque,
-    PARAMETERS,
-    MEMORY,
+    (*Settings, SIGMA),
+    Memory,
     learn,
     project,
     summary='an outer kinematic loop, and a fuzzy network with an adaptive robust gain',

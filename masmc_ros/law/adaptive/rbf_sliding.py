@@ -18,11 +18,10 @@ import math
 
 from masmc_ros.aliases import Axes, Columns, Joints, Numbers
 from masmc_ros.jit.compiled import formula
-from masmc_ros.jit.field import Field
 from masmc_ros.jit.lanes import in_place
 from masmc_ros.jit.tuples import dot, elementwise
 from masmc_ros.law import fields
-from masmc_ros.law.declared import PerEntry
+from masmc_ros.law.fields import field, gain
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.fuzzy_sets import (
@@ -34,74 +33,36 @@ from masmc_ros.law.parts.fuzzy_sets import (
     train_rules,
 )
 from masmc_ros.law.parts.inverse_dynamics import limited_force
-from masmc_ros.law.parts.model import ESTIMATE, model_torque
+from masmc_ros.law.parts.model import model_torque
 from masmc_ros.law.parts.realisable import realisable_for_growth, secant
 from masmc_ros.law.parts.surface import reference_acceleration, reference_velocity, SIGMA
 from masmc_ros.law.reaching.reaching import BOUNDARY_LAYER, reaching_force
 from masmc_ros.law.reaching.saturation import saturation
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.scalars import plus
-from masmc_ros.params.declaration import Parameter
-
-PARAMETERS = (
-    PerEntry('rbf_sliding.k', 'axes', 100.0, 'Gain K of the linear term', 'N·s/m'),
-    PerEntry('rbf_sliding.k_s', 'axes', 60.0, 'Gain k of the switching term', 'N'),
-    Parameter(
-        'rbf_sliding.rate',
-        10000.0,
-        'Adaptation rate Gamma^-1',
-        unit='N/m',
-        minimum=0.0,
-        read_only=False,
-    ),
-    Parameter(
-        'rbf_sliding.nu',
-        0.001,
-        'Leakage nu in proportion to |s|, the inverse of the largest weight; 0: none',
-        unit='1/N',
-        minimum=0.0,
-        read_only=False,
-    ),
-    Parameter(
-        'rbf_sliding.velocity_span',
-        0.5,
-        'xdot_r at the centre of the outermost functions',
-        unit='m/s',
-        minimum=0.0,
-        exclusive_minimum=True,
-        read_only=False,
-    ),
-    Parameter(
-        'rbf_sliding.acceleration_span',
-        1.0,
-        'xddot_r at the centre of the outermost functions',
-        unit='m/s²',
-        minimum=0.0,
-        exclusive_minimum=True,
-        read_only=False,
-    ),
-    BOUNDARY_LAYER,
-    SIGMA,
-)
-
-MEMORY = (ESTIMATE, Field('rbf_sliding_weights', ('axes', RULES), 'W', 'N'))
 
 
-class Settings(fields.Settings):
+class Settings(fields.Settings, group='rbf_sliding'):
     """Settings of the law."""
 
-    rbf_sliding_k: Axes
-    rbf_sliding_k_s: Axes
-    rbf_sliding_rate: float
-    rbf_sliding_nu: float
-    rbf_sliding_velocity_span: float
-    rbf_sliding_acceleration_span: float
+    rbf_sliding_k: Axes = gain(100.0, 'Gain K of the linear term', 'N·s/m')
+    rbf_sliding_k_s: Axes = gain(60.0, 'Gain k of the switching term', 'N')
+    rbf_sliding_rate: float = gain(10000.0, 'Adaptation rate Gamma^-1', 'N/m')
+    rbf_sliding_nu: float = gain(
+        0.001, 'Leakage nu in proportion to |s|, the inverse of the largest weight; 0: none', '1/N'
+    )
+    rbf_sliding_velocity_span: float = gain(
+        0.5, 'xdot_r at the centre of the outermost functions', 'm/s', is_positive=True
+    )
+    rbf_sliding_acceleration_span: float = gain(
+        1.0, 'xddot_r at the centre of the outermost functions', 'm/s²', is_positive=True
+    )
 
 
 class Memory(fields.Memory):
     """Memory of the law."""
 
-    rbf_sliding_weights: Numbers
+    rbf_sliding_weights: Numbers = field('W', 'N', size=('axes', RULES))
 
 
 @formula
@@ -173,8 +134,8 @@ def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: J
 RBF_SLIDING = Law(
     'rbf_sliding',
     torque,
-    PARAMETERS,
-    MEMORY,
+    (*Settings, BOUNDARY_LAYER, SIGMA),
+    Memory,
     learn,
     project,
     summary='sliding mode with the model and a network of radial basis functions',

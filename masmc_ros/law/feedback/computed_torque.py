@@ -16,10 +16,9 @@ from __future__ import annotations
 
 from masmc_ros.aliases import Joints
 from masmc_ros.jit.compiled import formula
-from masmc_ros.jit.field import Field
 from masmc_ros.jit.tuples import elementwise
 from masmc_ros.law import fields
-from masmc_ros.law.declared import PerEntry
+from masmc_ros.law.fields import field, gain
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.integral import integrated
@@ -30,35 +29,23 @@ from masmc_ros.law.parts.inverse_dynamics import (
     rate_error,
     STIFFNESS,
 )
-from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.scalars import minus
 from masmc_ros.robot import mechanism
 
-PARAMETERS = (
-    PerEntry('computed_torque.k_d', 'joints', DAMPING, 'Gain K_d of the joint velocities', '1/s'),
-    PerEntry('computed_torque.k_p', 'joints', STIFFNESS, 'Gain K_p of their integral', '1/s²'),
-    SIGMA,
-)
 
-MEMORY = (
-    ESTIMATE,
-    Field('computed_torque_integral', 'joints', "w, integral of the rates' error", 'rad'),
-)
-
-
-class Settings(fields.Settings):
+class Settings(fields.Settings, group='computed_torque'):
     """Settings of the law."""
 
-    computed_torque_k_d: Joints
-    computed_torque_k_p: Joints
+    computed_torque_k_d: Joints = gain(DAMPING, 'Gain K_d of the joint velocities', '1/s')
+    computed_torque_k_p: Joints = gain(STIFFNESS, 'Gain K_p of their integral', '1/s²')
 
 
 class Memory(fields.Memory):
     """Memory of the law."""
 
-    computed_torque_integral: Joints
+    computed_torque_integral: Joints = field("w, integral of the rates' error", 'rad')
 
 
 @formula
@@ -100,8 +87,8 @@ def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: J
 COMPUTED_TORQUE = Law(
     'computed_torque',
     torque,
-    PARAMETERS,
-    MEMORY,
+    (*Settings, SIGMA),
+    Memory,
     learn,
     project,
     summary="the model inverted in the joints' rates, which follow an outer kinematic loop",

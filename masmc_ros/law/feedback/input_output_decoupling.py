@@ -11,15 +11,15 @@ H J^-1 (nu - Jdot v) + V v, therefore formulas and parameters are those of the o
 
 from __future__ import annotations
 
-from masmc_ros.law.feedback.nonlinear_feedback import learn, MEMORY, PARAMETERS, torque
+from masmc_ros.law.feedback.nonlinear_feedback import learn, Memory, Settings, torque
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
 
 INPUT_OUTPUT_DECOUPLING = Law(
     'input_output_decoupling',
     torque,
-    PARAMETERS,
-    MEMORY,
+    Settings,
+    Memory,
     learn,
     project,
     summary='one output for each input: `nonlinear_feedback` by another name',

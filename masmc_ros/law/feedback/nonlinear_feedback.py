@@ -17,10 +17,9 @@ from __future__ import annotations
 
 from masmc_ros.aliases import Axes, Joints
 from masmc_ros.jit.compiled import formula
-from masmc_ros.jit.field import Field
 from masmc_ros.jit.tuples import elementwise
 from masmc_ros.law import fields
-from masmc_ros.law.declared import PerEntry
+from masmc_ros.law.fields import field, gain
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.integral import integrated
@@ -31,33 +30,21 @@ from masmc_ros.law.parts.inverse_dynamics import (
     spring,
     STIFFNESS,
 )
-from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.tick import Tick
 
-PARAMETERS = (
-    PerEntry('nonlinear_feedback.k_p', 'axes', STIFFNESS, 'Stiffness K_p per mass', '1/s²'),
-    PerEntry('nonlinear_feedback.k_d', 'axes', DAMPING, 'Damping K_d per mass', '1/s'),
-    PerEntry('nonlinear_feedback.k_i', 'axes', 0.0, 'Gain K_i of the integral', '1/s³'),
-)
 
-MEMORY = (
-    ESTIMATE,
-    Field('nonlinear_feedback_integral', 'axes', 'w, integral of the error', 'm·s'),
-)
-
-
-class Settings(fields.Settings):
+class Settings(fields.Settings, group='nonlinear_feedback'):
     """Settings of the law."""
 
-    nonlinear_feedback_k_p: Axes
-    nonlinear_feedback_k_d: Axes
-    nonlinear_feedback_k_i: Axes
+    nonlinear_feedback_k_p: Axes = gain(STIFFNESS, 'Stiffness K_p per mass', '1/s²')
+    nonlinear_feedback_k_d: Axes = gain(DAMPING, 'Damping K_d per mass', '1/s')
+    nonlinear_feedback_k_i: Axes = gain(0.0, 'Gain K_i of the integral', '1/s³')
 
 
 class Memory(fields.Memory):
     """Memory of the law."""
 
-    nonlinear_feedback_integral: Axes
+    nonlinear_feedback_integral: Axes = field('w, integral of the error', 'm·s')
 
 
 @formula
@@ -96,8 +83,8 @@ def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: J
 NONLINEAR_FEEDBACK = Law(
     'nonlinear_feedback',
     torque,
-    PARAMETERS,
-    MEMORY,
+    Settings,
+    Memory,
     learn,
     project,
     summary='the model inverted in task space, with PD feedback (and an integral)',

@@ -24,8 +24,7 @@ from masmc_ros.jit.compiled import formula, kernel
 from masmc_ros.jit.scratch import scratch
 from masmc_ros.jit.tuples import elementwise, from_index, unit
 from masmc_ros.law import fields
-from masmc_ros.law.declared import PerEntry
-from masmc_ros.law.fields import Memory
+from masmc_ros.law.fields import gain, Memory
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.inverse_dynamics import (
@@ -34,24 +33,10 @@ from masmc_ros.law.parts.inverse_dynamics import (
     spring,
     STIFFNESS,
 )
-from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.scalars import minus, plus, zero
-from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.formula_types import Lengths, MechanismInertia, MechanismPosture
-
-PARAMETERS = (
-    Parameter(
-        'null_space.first_axes',
-        2,
-        'Number of task axes, from the first on, that the others must not disturb',
-        minimum=1,
-        read_only=False,
-    ),
-    PerEntry('null_space.k_p', 'axes', STIFFNESS, 'Stiffness K_p per mass', '1/s²'),
-    PerEntry('null_space.k_d', 'axes', DAMPING, 'Damping K_d per mass', '1/s'),
-)
 
 _LEAST_SHARE = 1.0e-6
 """Share of its mobility that a first axis must keep next to previous axes, or it is dropped."""
@@ -60,12 +45,14 @@ _DAMPED_SHARE = 1.0e-2
 """The same for the other axes, whose forces would grow without limit close to a singularity."""
 
 
-class Settings(fields.Settings):
+class Settings(fields.Settings, group='null_space'):
     """Settings of the law."""
 
-    null_space_first_axes: int
-    null_space_k_p: Axes
-    null_space_k_d: Axes
+    null_space_first_axes: int = gain(
+        2, 'Number of task axes, from the first on, that the others must not disturb', minimum=1
+    )
+    null_space_k_p: Axes = gain(STIFFNESS, 'Stiffness K_p per mass', '1/s²')
+    null_space_k_d: Axes = gain(DAMPING, 'Damping K_d per mass', '1/s')
 
 
 @formula
@@ -149,8 +136,7 @@ def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
 NULL_SPACE = Law(
     'null_space',
     torque,
-    PARAMETERS,
-    (ESTIMATE,),
+    Settings,
     post_update=project,
     summary='operational space control: the first axes first, the others in their null space',
     source='[3] of the paper; Khatib 1987',

@@ -15,27 +15,20 @@ from masmc_ros.aliases import Axes, Joints
 from masmc_ros.jit.compiled import formula
 from masmc_ros.jit.tuples import elementwise
 from masmc_ros.law import fields
-from masmc_ros.law.declared import PerEntry
-from masmc_ros.law.fields import Memory
+from masmc_ros.law.fields import gain, Memory
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.inverse_dynamics import gravity_forces
-from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.scalars import plus
 from masmc_ros.robot import mechanism
 
-PARAMETERS = (
-    PerEntry('pd_gravity.k_p', 'axes', 2000.0, 'Stiffness K_p', 'N/m'),
-    PerEntry('pd_gravity.k_d', 'axes', 200.0, 'Damping K_d', 'N·s/m'),
-)
 
-
-class Settings(fields.Settings):
+class Settings(fields.Settings, group='pd_gravity'):
     """Settings of the law."""
 
-    pd_gravity_k_p: Axes
-    pd_gravity_k_d: Axes
+    pd_gravity_k_p: Axes = gain(2000.0, 'Stiffness K_p', 'N/m')
+    pd_gravity_k_d: Axes = gain(200.0, 'Damping K_d', 'N·s/m')
 
 
 @formula
@@ -62,8 +55,7 @@ def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
 PD_GRAVITY = Law(
     'pd_gravity',
     torque,
-    PARAMETERS,
-    (ESTIMATE,),
+    Settings,
     post_update=project,
     summary="PD feedback on each axis of the task, and the model's forces against gravity",
     source='Takegaki and Arimoto 1981',

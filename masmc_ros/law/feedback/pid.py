@@ -11,38 +11,28 @@ from __future__ import annotations
 
 from masmc_ros.aliases import Axes, Joints
 from masmc_ros.jit.compiled import formula
-from masmc_ros.jit.field import Field
 from masmc_ros.jit.tuples import elementwise
 from masmc_ros.law import fields
-from masmc_ros.law.declared import PerEntry
+from masmc_ros.law.fields import field, gain
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.integral import integrated
 from masmc_ros.law.parts.inverse_dynamics import limited_force, task_force_torque
-from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.tick import Tick
 
-PARAMETERS = (
-    PerEntry('pid.k_p', 'axes', 2000.0, 'Stiffness K_p', 'N/m'),
-    PerEntry('pid.k_d', 'axes', 200.0, 'Damping K_d', 'N·s/m'),
-    PerEntry('pid.k_i', 'axes', 5000.0, 'Gain K_i of the integral', 'N/(m·s)'),
-)
 
-MEMORY = (ESTIMATE, Field('pid_integral', 'axes', 'w, integral of the error', 'm·s'))
-
-
-class Settings(fields.Settings):
+class Settings(fields.Settings, group='pid'):
     """Settings of the law."""
 
-    pid_k_p: Axes
-    pid_k_d: Axes
-    pid_k_i: Axes
+    pid_k_p: Axes = gain(2000.0, 'Stiffness K_p', 'N/m')
+    pid_k_d: Axes = gain(200.0, 'Damping K_d', 'N·s/m')
+    pid_k_i: Axes = gain(5000.0, 'Gain K_i of the integral', 'N/(m·s)')
 
 
 class Memory(fields.Memory):
     """Memory of the law."""
 
-    pid_integral: Axes
+    pid_integral: Axes = field('w, integral of the error', 'm·s')
 
 
 @formula
@@ -84,8 +74,8 @@ def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: J
 PID = Law(
     'pid',
     torque,
-    PARAMETERS,
-    MEMORY,
+    Settings,
+    Memory,
     learn,
     project,
     summary='a spring, a damper and an integral on each axis of the task, without a model',

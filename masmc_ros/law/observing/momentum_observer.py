@@ -17,10 +17,9 @@ import math
 
 from masmc_ros.aliases import Axes, Joints
 from masmc_ros.jit.compiled import formula
-from masmc_ros.jit.field import Field
 from masmc_ros.jit.tuples import elementwise
 from masmc_ros.law import fields
-from masmc_ros.law.declared import PerEntry
+from masmc_ros.law.fields import field, gain
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.delay_compensation import is_on
@@ -31,47 +30,25 @@ from masmc_ros.law.parts.inverse_dynamics import (
     STIFFNESS,
 )
 from masmc_ros.law.parts.last_period import last_acceleration
-from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.scalars import minus
-from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 
-PARAMETERS = (
-    PerEntry('momentum_observer.k_p', 'axes', STIFFNESS, 'Stiffness K_p per mass', '1/s²'),
-    PerEntry('momentum_observer.k_d', 'axes', DAMPING, 'Damping K_d per mass', '1/s'),
-    Parameter(
-        'momentum_observer.rate',
-        200.0,
-        'Rate K_o of the observer; 0: no observer',
-        unit='1/s',
-        minimum=0.0,
-        read_only=False,
-    ),
-)
 
-MEMORY = (
-    ESTIMATE,
-    Field('momentum_observer_disturbance', 'joints', 'd, conjugate to v'),
-    Field('momentum_observer_drive', 'joints', 'tau - V v - g of the tick before'),
-    Field('momentum_observer_velocity', 'joints', 'v of the tick before', initial=math.nan),
-)
-
-
-class Settings(fields.Settings):
+class Settings(fields.Settings, group='momentum_observer'):
     """Settings of the law."""
 
-    momentum_observer_k_p: Axes
-    momentum_observer_k_d: Axes
-    momentum_observer_rate: float
+    momentum_observer_k_p: Axes = gain(STIFFNESS, 'Stiffness K_p per mass', '1/s²')
+    momentum_observer_k_d: Axes = gain(DAMPING, 'Damping K_d per mass', '1/s')
+    momentum_observer_rate: float = gain(200.0, 'Rate K_o of the observer; 0: no observer', '1/s')
 
 
 class Memory(fields.Memory):
     """Memory of the law."""
 
-    momentum_observer_disturbance: Joints
-    momentum_observer_drive: Joints
-    momentum_observer_velocity: Joints
+    momentum_observer_disturbance: Joints = field('d, conjugate to v')
+    momentum_observer_drive: Joints = field('tau - V v - g of the tick before')
+    momentum_observer_velocity: Joints = field('v of the tick before', initial=math.nan)
 
 
 @formula
@@ -119,8 +96,8 @@ def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: J
 MOMENTUM_OBSERVER = Law(
     'momentum_observer',
     torque,
-    PARAMETERS,
-    MEMORY,
+    Settings,
+    Memory,
     learn,
     project,
     summary='inverse model in task space, less the disturbance estimated from the momentum',

@@ -16,10 +16,9 @@ import math
 
 from masmc_ros.aliases import Axes, Joints
 from masmc_ros.jit.compiled import formula
-from masmc_ros.jit.field import Field
 from masmc_ros.jit.tuples import elementwise
 from masmc_ros.law import fields
-from masmc_ros.law.declared import PerEntry
+from masmc_ros.law.fields import field, gain
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.delay_compensation import is_on
@@ -30,33 +29,22 @@ from masmc_ros.law.parts.inverse_dynamics import (
     STIFFNESS,
 )
 from masmc_ros.law.parts.last_period import last_acceleration
-from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.scalars import minus, plus
 from masmc_ros.robot import mechanism
 
-PARAMETERS = (
-    PerEntry('time_delay.k_p', 'axes', STIFFNESS, 'Stiffness K_p per mass', '1/s²'),
-    PerEntry('time_delay.k_d', 'axes', DAMPING, 'Damping K_d per mass', '1/s'),
-)
 
-MEMORY = (
-    ESTIMATE,
-    Field('time_delay_velocity', 'joints', 'v of the tick before', initial=math.nan),
-)
-
-
-class Settings(fields.Settings):
+class Settings(fields.Settings, group='time_delay'):
     """Settings of the law."""
 
-    time_delay_k_p: Axes
-    time_delay_k_d: Axes
+    time_delay_k_p: Axes = gain(STIFFNESS, 'Stiffness K_p per mass', '1/s²')
+    time_delay_k_d: Axes = gain(DAMPING, 'Damping K_d per mass', '1/s')
 
 
 class Memory(fields.Memory):
     """Memory of the law."""
 
-    time_delay_velocity: Joints
+    time_delay_velocity: Joints = field('v of the tick before', initial=math.nan)
 
 
 @formula
@@ -89,8 +77,8 @@ def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: J
 TIME_DELAY = Law(
     'time_delay',
     torque,
-    PARAMETERS,
-    MEMORY,
+    Settings,
+    Memory,
     learn,
     project,
     summary='the last torque, corrected by what the acceleration then lacked',

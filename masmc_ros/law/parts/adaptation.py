@@ -21,7 +21,6 @@ import math
 from masmc_ros.aliases import Array, Joints, Numbers, Parameters
 from masmc_ros.jit.arrays import to_vector
 from masmc_ros.jit.compiled import formula, kernel, part
-from masmc_ros.jit.field import Field
 from masmc_ros.jit.lanes import shared
 from masmc_ros.jit.scratch import scratch
 from masmc_ros.jit.tuples import dot, elementwise
@@ -44,9 +43,6 @@ GAMMA = PerEntry(
     note='; larger adapts more slowly',
     is_positive=True,
 )
-
-REACHING_FORCE = Field('reaching', 'axes', 'Reaching force u of the last tick', 'N')
-"""Memory of every law; those that adapt by this module write it."""
 
 LEAKAGE = Parameter(
     'leakage',

@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
-from masmc_ros.aliases import Joints, Numbers
-from masmc_ros.jit.field import Field
+from masmc_ros.aliases import BasePose, Joints, Numbers, Positions
+from masmc_ros.jit.field import field
 from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.params.declaration import Parameter, Values
 
@@ -70,57 +70,34 @@ SLOPE = Parameter(
 
 PARAMETERS = (LATENCY, MOTOR_LAG, HORIZON, GAIN, SLOPE)
 
-SETTINGS = (
-    Field('stamp_age', description='Time from the measurement of a state to its stamp', unit='s'),
-)
-"""Settings that are not parameters."""
-
-MEMORY = (
-    Field('acceleration', 'joints', 'Estimated d, in the velocities of the mechanism', '1/s²'),
-    Field('acceleration_slope', 'joints', 'Its change delta per period', '1/s²'),
-    Field('motor', 'joints', 'Torques of the motors in the last measured state', 'N·m'),
-    Field('excess', 'joints', 'Torques that the limit has withheld', 'N·m'),
-    Field('measured_position', 'positions', 'Positions of the last measured state', 'm, rad'),
-    Field('measured_base', 'base', 'Base pose in it', 'm, rad'),
-    Field('measured_rates', 'joints', 'Rates in it, measured or estimated', 'rad/s'),
-    Field('measured_acceleration', 'joints', 'Its derivative, of the mechanism', '1/s²'),
-    Field('history_command', (HISTORY, 'joints'), 'Commands: torques, base velocities'),
-    Field('history_start', HISTORY, 'Times at which they started to act', 's'),
-    Field('history_newest', description='Row of the newest one', kind='i8'),
-    Field('history_initialised', description='1 after the first tick', kind='i8'),
-    Field('state_time', description='Time of the last measured state', unit='s'),
-    Field('acts_from', description='Time from which its torque acts', unit='s'),
-    Field('skipped', description='Ticks since the last one that were not computed', kind='i8'),
-    Field('later', description='Latency of the next state beyond the usual one', unit='s'),
-)
-"""Memory with compensation; times are those of the measured states."""
-
 
 class CompensationSettings(Settings):
-    """Settings of the law, with the age of stamps that the compensation needs."""
+    """Settings of the law with compensation, in addition to the parameters."""
 
-    stamp_age: float
+    stamp_age: float = field('Time from the measurement of a state to its stamp', 's')
 
 
 class CompensationMemory(Memory):
-    """State of a law with that of this module."""
+    """Memory of the law with compensation; times are those of the measured states."""
 
-    acceleration: Joints
-    acceleration_slope: Joints
-    motor: Joints
-    excess: Joints
-    measured_position: Numbers
-    measured_base: Numbers
-    measured_rates: Joints
-    measured_acceleration: Joints
-    history_command: Numbers
-    history_start: Numbers
-    history_newest: int
-    history_initialised: int
-    state_time: float
-    acts_from: float
-    skipped: int
-    later: float
+    acceleration: Joints = field('Estimated d, in the velocities of the mechanism', '1/s²')
+    acceleration_slope: Joints = field('Its change delta per period', '1/s²')
+    motor: Joints = field('Torques of the motors in the last measured state', 'N·m')
+    excess: Joints = field('Torques that the limit has withheld', 'N·m')
+    measured_position: Positions = field('Positions of the last measured state', 'm, rad')
+    measured_base: BasePose = field('Base pose in it', 'm, rad')
+    measured_rates: Joints = field('Rates in it, measured or estimated', 'rad/s')
+    measured_acceleration: Joints = field('Its derivative, of the mechanism', '1/s²')
+    history_command: Numbers = field(
+        'Commands: torques, base velocities', size=(HISTORY, 'joints')
+    )
+    history_start: Numbers = field('Times at which they started to act', 's', size=HISTORY)
+    history_newest: int = field('Row of the newest one')
+    history_initialised: int = field('1 after the first tick')
+    state_time: float = field('Time of the last measured state', 's')
+    acts_from: float = field('Time from which its torque acts', 's')
+    skipped: int = field('Ticks since the last one that were not computed')
+    later: float = field('Latency of the next state beyond the usual one', 's')
 
 
 ENABLING = (LATENCY.name, MOTOR_LAG.name, GAIN.name)

@@ -278,7 +278,7 @@ def _advanced(
     position, rates, motor
         Positions (positions), joint rates (joints) and torques of the motors (joints) at `start`.
     start, end
-        Times in s, as those of `MEMORY`.
+        Times in s, as those of `CompensationMemory`.
 
     """
     model, theta = mechanism.model_of(settings), memory.estimate

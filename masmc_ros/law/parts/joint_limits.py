@@ -34,7 +34,7 @@ from masmc_ros.aliases import Array, Joints, Numbers
 from masmc_ros.jit.arrays import array_of, to_vector, write_part
 from masmc_ros.jit.compiled import formula, kernel
 from masmc_ros.jit.dispatch import by_tag, interface
-from masmc_ros.jit.field import Field
+from masmc_ros.jit.field import field
 from masmc_ros.jit.scratch import scratch
 from masmc_ros.jit.tuples import elementwise, unit
 from masmc_ros.law.declared import PerEntry
@@ -119,27 +119,6 @@ PARAMETERS = (
 OFF, ON = '', 'joints'
 """Tags of settings."""
 
-SETTINGS = (
-    Field('lowest_position', 'joints', 'Lower end of the kept range', 'rad'),
-    Field('highest_position', 'joints', 'Upper end of the kept range', 'rad'),
-    Field('highest_speed', 'joints', 'Largest kept speed', 'rad/s'),
-)
-"""Settings that are not parameters, infinite without a limit."""
-
-MEMORY = (
-    Field('limited_ticks', description='Ticks with torques changed by joint limits', kind='i8'),
-    Field(
-        'expected_acceleration', 'joints',
-        'Accelerations of the last tick by the nominal model; NaN: no such tick', 'rad/s^2',
-        initial=math.nan,
-    ),
-    Field('rates_before', 'joints', 'Velocities of the joints at the last tick', 'rad/s'),
-    Field(
-        'acceleration_error', 'joints',
-        'Filtered accelerations of the joints less those of the nominal model', 'rad/s^2',
-    ),
-)  # fmt: skip
-
 MARGIN, SPEED_SHARE = 1e-3, 0.99
 """
 Distance of the kept range from the ends in rad or m, and share of the speed limit that is kept.
@@ -173,20 +152,26 @@ _ENOUGH, _MOST_SWEEPS = 1e-7, 200
 
 
 class LimitSettings(Settings):
-    """Settings of the law with those of this module."""
+    """Settings of the law with limits, infinite without a limit."""
 
-    lowest_position: Joints
-    highest_position: Joints
-    highest_speed: Joints
+    lowest_position: Joints = field('Lower end of the kept range', 'rad')
+    highest_position: Joints = field('Upper end of the kept range', 'rad')
+    highest_speed: Joints = field('Largest kept speed', 'rad/s')
 
 
 class LimitMemory(Memory):
-    """Memory of the law with that of this module."""
+    """Memory of the law with limits."""
 
-    limited_ticks: int
-    expected_acceleration: Joints
-    rates_before: Joints
-    acceleration_error: Joints
+    limited_ticks: int = field('Ticks with torques changed by joint limits')
+    expected_acceleration: Joints = field(
+        'Accelerations of the last tick by the nominal model; NaN: no such tick',
+        'rad/s^2',
+        initial=math.nan,
+    )
+    rates_before: Joints = field('Velocities of the joints at the last tick', 'rad/s')
+    acceleration_error: Joints = field(
+        'Filtered accelerations of the joints less those of the nominal model', 'rad/s^2'
+    )
 
 
 def kept_limits(mechanism: Mechanism) -> tuple[Array, Array, Array]:

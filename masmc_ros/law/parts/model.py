@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from masmc_ros.aliases import Numbers
 from masmc_ros.jit.compiled import formula
-from masmc_ros.jit.field import Field
 from masmc_ros.jit.tuples import elementwise
+from masmc_ros.law.fields import ESTIMATE as ESTIMATE
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.scalars import plus
 from masmc_ros.params.declaration import Parameter
@@ -73,10 +73,6 @@ PARAMETERS = (MODEL_SCALE, PAYLOAD_MASS, PAYLOAD_COM, PAYLOAD_INERTIA)
 
 PAYLOAD = (PAYLOAD_MASS.name, PAYLOAD_COM.name, PAYLOAD_INERTIA.name)
 """Parameters of the announced payload."""
-
-ESTIMATE = Field('estimate', 'parameters', 'theta_hat of the next tick')
-"""Adapted parameters of any law; a change of law keeps them."""
-
 
 @formula
 def model_torque(tick: Tick, theta: Numbers, u: Numbers) -> Numbers:

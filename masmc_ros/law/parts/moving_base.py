@@ -28,7 +28,6 @@ from masmc_ros.aliases import Numbers
 from masmc_ros.jit.arrays import array_of, to_vector, write_part
 from masmc_ros.jit.compiled import formula, kernel
 from masmc_ros.jit.dispatch import by_tag, interface
-from masmc_ros.jit.field import Field
 from masmc_ros.jit.scratch import scratch
 from masmc_ros.jit.tuples import elementwise, unit
 from masmc_ros.law.fields import Memory, Settings
@@ -50,10 +49,6 @@ BASE_LAG = Parameter(
     read_only=False,
 )
 """Parameter of the controller, and of the plant with its true value."""
-
-SETTINGS = (
-    Field('by_velocity', 'joints', 'Whether a joint follows a commanded velocity', kind='i8'),
-)
 
 _DAMPING = 1e-5
 """Square of the damping of J_a, in the squared units of J."""

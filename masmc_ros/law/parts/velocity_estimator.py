@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from masmc_ros.aliases import Numbers
 from masmc_ros.jit.compiled import formula, subroutine
-from masmc_ros.jit.field import Field
 from masmc_ros.jit.tuples import column, elementwise, tail
 from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.numerics.scalars import plus, zero
@@ -108,18 +107,6 @@ def followed(
         rate + period * total + gain[1] * missed / period,
         unmodelled + gain[2] * missed / (period * period),
     )
-
-
-MEMORY = (
-    Field('estimator_initialised', description='1 after the first measured position', kind='i8'),
-    Field('uncomputed_ticks', description='Preceding ticks without a computation', kind='i8'),
-    Field('angles', 'joints', 'Estimated angles', 'rad'),
-    Field('rates', 'joints', 'Estimated rates', 'rad/s'),
-    Field('unmodelled', 'joints', 'Estimated unmodelled accelerations', 'rad/s²'),
-    Field('disturbance_torque', 'joints', 'Disturbance estimate of the law', 'N·m'),
-    Field('commanded', 'joints', 'Torque of the last tick', 'N·m'),
-)
-"""Memory of the estimator."""
 
 
 @formula

@@ -20,19 +20,16 @@ d_k = d_{k-1} + (beta / T) H_x (s_k - s+_{k-1}), and u -= d. Slip of wheels redu
 
 from __future__ import annotations
 
-import math
-
 from masmc_ros.aliases import Array, Axes, Columns, Joints, Numbers
 from masmc_ros.jit.arrays import to_vector
 from masmc_ros.jit.compiled import called_kernel, formula
-from masmc_ros.jit.field import Field
 from masmc_ros.jit.scratch import scratch
 from masmc_ros.jit.tuples import elementwise, least, matrix_times, tail
 from masmc_ros.law.fields import Memory, Settings
 from masmc_ros.law.parts.delay_compensation import horizon, is_on
 from masmc_ros.law.parts.inverse_dynamics import limited_acceleration
 from masmc_ros.law.parts.slip import backed_off, SLIP_BACKOFF
-from masmc_ros.law.reaching.reaching import GAINS, NEEDS_FULL, Reaching, SHORTCUT
+from masmc_ros.law.reaching.reaching import GAINS, Reaching, SHORTCUT
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.elimination import solve_definite
 from masmc_ros.numerics.scalars import minus, moved, times, zero
@@ -305,17 +302,9 @@ def _within(value: float, box: float) -> float:
     return 1.0 if ratio > 1.0 else (-1.0 if ratio < -1.0 else ratio)
 
 
-_MEMORY = (
-    Field('disturbance', 'axes', 'Disturbance estimate d', 'N'),
-    Field('predicted', 'axes', 's+; NaN: no prediction', 'm/s', initial=math.nan),
-    NEEDS_FULL,
-)
-
 _SETTINGS = (*GAINS, OBSERVER_GAIN, SLIP_BACKOFF)
 
-IMPLICIT = Reaching('implicit', reach, correct, _SETTINGS, _MEMORY)
+IMPLICIT = Reaching('implicit', reach, correct, _SETTINGS)
 
-ON_SURFACE = Reaching(
-    f'implicit{SHORTCUT}', reach_on_surface, correct_nothing, _SETTINGS, _MEMORY
-)
+ON_SURFACE = Reaching(f'implicit{SHORTCUT}', reach_on_surface, correct_nothing, _SETTINGS)
 """Shortcut for ticks at which all axes stay on the surface, and no torque is limited."""

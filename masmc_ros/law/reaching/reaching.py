@@ -77,10 +77,6 @@ It has no branches, so lanes vectorise. It counts other cases in `needs_full` of
 the tick of such a lane is computed again with the full term: `loop.control.control_by_shortcut`.
 """
 
-NEEDS_FULL = Field('needs_full', description='Not 0 if a shortcut does not apply to the tick')
-"""Memory of a term with a shortcut."""
-
-
 def shortcut_of(name: str) -> str:
     """Return the name of the shortcut of a term; '' without one."""
     return name + SHORTCUT if name + SHORTCUT in _KNOWN else ''

@@ -15,56 +15,35 @@ from __future__ import annotations
 
 from masmc_ros.aliases import Axes, Joints
 from masmc_ros.jit.compiled import formula
-from masmc_ros.jit.field import Field
 from masmc_ros.jit.tuples import elementwise
 from masmc_ros.law import fields
-from masmc_ros.law.declared import PerEntry
+from masmc_ros.law.fields import field, gain
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.adaptive_bound import grown
 from masmc_ros.law.parts.inverse_dynamics import limited_force
-from masmc_ros.law.parts.model import ESTIMATE, model_torque
+from masmc_ros.law.parts.model import model_torque
 from masmc_ros.law.parts.realisable import realisable_part, secant
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.reaching.reaching import BOUNDARY_LAYER, reaching_force
 from masmc_ros.law.reaching.saturation import saturation
 from masmc_ros.law.tick import Tick
-from masmc_ros.params.declaration import Parameter
-
-PARAMETERS = (
-    PerEntry('adaptive_gain.k', 'axes', 100.0, 'Gain K of the linear term', 'N·s/m'),
-    PerEntry('adaptive_gain.gamma', 'axes', 1000.0, 'Growth gamma of k by |s|', 'N/m'),
-    PerEntry('adaptive_gain.dead_zone', 'axes', 0.01, '|s| below which k does not grow', 'm/s'),
-    Parameter(
-        'adaptive_gain.leak',
-        0.1,
-        'Rate at which k returns to zero',
-        unit='1/s',
-        minimum=0.0,
-        read_only=False,
-    ),
-    PerEntry('adaptive_gain.k_max', 'axes', 200.0, 'Largest k', 'N'),
-    BOUNDARY_LAYER,
-    SIGMA,
-)
-
-MEMORY = (ESTIMATE, Field('adaptive_gain_switching', 'axes', 'k', 'N'))
 
 
-class Settings(fields.Settings):
+class Settings(fields.Settings, group='adaptive_gain'):
     """Settings of the law."""
 
-    adaptive_gain_k: Axes
-    adaptive_gain_gamma: Axes
-    adaptive_gain_dead_zone: Axes
-    adaptive_gain_leak: float
-    adaptive_gain_k_max: Axes
+    adaptive_gain_k: Axes = gain(100.0, 'Gain K of the linear term', 'N·s/m')
+    adaptive_gain_gamma: Axes = gain(1000.0, 'Growth gamma of k by |s|', 'N/m')
+    adaptive_gain_dead_zone: Axes = gain(0.01, '|s| below which k does not grow', 'm/s')
+    adaptive_gain_leak: float = gain(0.1, 'Rate at which k returns to zero', '1/s')
+    adaptive_gain_k_max: Axes = gain(200.0, 'Largest k', 'N')
 
 
 class Memory(fields.Memory):
     """Memory of the law."""
 
-    adaptive_gain_switching: Axes
+    adaptive_gain_switching: Axes = field('k', 'N')
 
 
 @formula
@@ -122,8 +101,8 @@ def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: J
 ADAPTIVE_GAIN = Law(
     'adaptive_gain',
     torque,
-    PARAMETERS,
-    MEMORY,
+    (*Settings, BOUNDARY_LAYER, SIGMA),
+    Memory,
     learn,
     project,
     summary='sliding mode whose switching gain grows while s is outside a dead zone',

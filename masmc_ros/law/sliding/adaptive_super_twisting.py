@@ -14,79 +14,41 @@ from __future__ import annotations
 
 from masmc_ros.aliases import Axes, Joints, Numbers
 from masmc_ros.jit.compiled import formula
-from masmc_ros.jit.field import Field
 from masmc_ros.jit.tuples import elementwise
 from masmc_ros.law import fields
-from masmc_ros.law.declared import PerEntry
+from masmc_ros.law.fields import field, gain
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.inverse_dynamics import surface_torque
-from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.sliding.super_twisting import applied, integrated, surface_rate
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.scalars import plus
 
-PARAMETERS = (
-    SIGMA,
-    PerEntry(
-        'adaptive_super_twisting.rate', 'axes', 100.0, 'Rate of the gain alpha', 'm^0.5/s^2.5'
-    ),
-    PerEntry(
-        'adaptive_super_twisting.zone',
-        'axes',
-        0.02,
-        'Part of |s| below which alpha decreases',
-        'm/s',
-        is_positive=True,
-    ),
-    PerEntry(
-        'adaptive_super_twisting.least',
-        'axes',
-        2.0,
-        'Smallest and initial alpha',
-        'm^0.5/s^1.5',
-        is_positive=True,
-    ),
-    PerEntry(
-        'adaptive_super_twisting.largest',
-        'axes',
-        50.0,
-        'Upper bound of alpha; least if that is larger',
-        'm^0.5/s^1.5',
-        is_positive=True,
-    ),
-    PerEntry(
-        'adaptive_super_twisting.epsilon',
-        'axes',
-        10.0,
-        'Half the ratio of beta to alpha',
-        'm^0.5/s^1.5',
-    ),
-)
 
-MEMORY = (
-    ESTIMATE,
-    Field('adaptive_super_twisting_w', 'axes', 'w, integral part of nu', 'm/s²'),
-    Field('adaptive_super_twisting_growth', 'axes', 'alpha beyond its least', 'm^0.5/s^1.5'),
-)
-
-
-class Settings(fields.Settings):
+class Settings(fields.Settings, group='adaptive_super_twisting'):
     """Settings of the law."""
 
-    adaptive_super_twisting_rate: Axes
-    adaptive_super_twisting_zone: Axes
-    adaptive_super_twisting_least: Axes
-    adaptive_super_twisting_largest: Axes
-    adaptive_super_twisting_epsilon: Axes
+    adaptive_super_twisting_rate: Axes = gain(100.0, 'Rate of the gain alpha', 'm^0.5/s^2.5')
+    adaptive_super_twisting_zone: Axes = gain(
+        0.02, 'Part of |s| below which alpha decreases', 'm/s', is_positive=True
+    )
+    adaptive_super_twisting_least: Axes = gain(
+        2.0, 'Smallest and initial alpha', 'm^0.5/s^1.5', is_positive=True
+    )
+    adaptive_super_twisting_largest: Axes = gain(
+        50.0, 'Upper bound of alpha; least if that is larger', 'm^0.5/s^1.5', is_positive=True
+    )
+    adaptive_super_twisting_epsilon: Axes = gain(
+        10.0, 'Half the ratio of beta to alpha', 'm^0.5/s^1.5'
+    )
 
 
 class Memory(fields.Memory):
     """Memory of the law."""
 
-    adaptive_super_twisting_w: Axes
-    adaptive_super_twisting_growth: Axes
+    adaptive_super_twisting_w: Axes = field('w, integral part of nu', 'm/s²')
+    adaptive_super_twisting_growth: Axes = field('alpha beyond its least', 'm^0.5/s^1.5')
 
 
 @formula
@@ -185,8 +147,8 @@ def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: J
 ADAPTIVE_SUPER_TWISTING = Law(
     'adaptive_super_twisting',
     torque,
-    PARAMETERS,
-    MEMORY,
+    (SIGMA, *Settings),
+    Memory,
     learn,
     project,
     summary='super-twisting whose gains grow until s stays near the surface, and fall there',

@@ -16,52 +16,36 @@ import math
 
 from masmc_ros.aliases import Axes, Joints
 from masmc_ros.jit.compiled import formula
-from masmc_ros.jit.field import Field
 from masmc_ros.jit.tuples import elementwise
 from masmc_ros.law import fields
-from masmc_ros.law.declared import PerEntry
+from masmc_ros.law.fields import field, gain
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.inverse_dynamics import limited_acceleration, surface_torque
-from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.realisable import realisable_part
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.reaching.sign import sign
 from masmc_ros.law.tick import Tick
 
-PARAMETERS = (
-    SIGMA,
-    PerEntry(
-        'barrier.width', 'axes', 0.02, 'Barrier eps that |s| does not reach', 'm/s',
-        is_positive=True,
-    ),
-    PerEntry('barrier.gain', 'axes', 50.0, 'Gain rho at |s| = eps / 2', 'm/s²'),
-    PerEntry('barrier.start', 'axes', 10.0, 'Initial gain K_0 outside the barrier', 'm/s²'),
-    PerEntry('barrier.growth', 'axes', 100.0, "Growth K' of the gain outside the barrier, per "
-                                              "|s|", '1/s²'),
-)
 
-MEMORY = (
-    ESTIMATE,
-    Field('barrier_growth', 'axes', 'K less K_0 outside', 'm/s²'),
-    Field('barrier_inside', 'axes', '1 once |s| has been within eps / 2 and has not left'),
-)
-
-
-class Settings(fields.Settings):
+class Settings(fields.Settings, group='barrier'):
     """Settings of the law."""
 
-    barrier_width: Axes
-    barrier_gain: Axes
-    barrier_start: Axes
-    barrier_growth: Axes
+    barrier_width: Axes = gain(
+        0.02, 'Barrier eps that |s| does not reach', 'm/s', is_positive=True
+    )
+    barrier_gain: Axes = gain(50.0, 'Gain rho at |s| = eps / 2', 'm/s²')
+    barrier_start: Axes = gain(10.0, 'Initial gain K_0 outside the barrier', 'm/s²')
+    barrier_growth: Axes = gain(
+        100.0, "Growth K' of the gain outside the barrier, per |s|", '1/s²'
+    )
 
 
 class Memory(fields.Memory):
     """Memory of the law."""
 
-    barrier_growth: Axes
-    barrier_inside: Axes
+    barrier_growth: Axes = field('K less K_0 outside', 'm/s²')
+    barrier_inside: Axes = field('1 once |s| has been within eps / 2 and has not left')
 
 
 @formula
@@ -153,8 +137,8 @@ def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: J
 BARRIER = Law(
     'barrier',
     torque,
-    PARAMETERS,
-    MEMORY,
+    (SIGMA, *Settings),
+    Memory,
     learn,
     project,
     summary='sliding mode whose gain grows without bound towards a barrier around s = 0',

@@ -22,12 +22,10 @@ from masmc_ros.aliases import Axes, Joints, Numbers
 from masmc_ros.jit.compiled import formula
 from masmc_ros.jit.tuples import elementwise
 from masmc_ros.law import fields
-from masmc_ros.law.declared import PerEntry
-from masmc_ros.law.fields import Memory
+from masmc_ros.law.fields import gain, Memory
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.inverse_dynamics import motion_acceleration
-from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.surface import reference_acceleration, SIGMA
 from masmc_ros.law.reaching.reaching import BOUNDARY_LAYER, reaching_force
 from masmc_ros.law.reaching.saturation import saturation
@@ -35,21 +33,12 @@ from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.scalars import plus, zero
 from masmc_ros.robot import mechanism
 
-PARAMETERS = (
-    PerEntry('decentralised_sliding.q', 'axes', 20.0, 'Rate Q of the reaching law', '1/s'),
-    PerEntry(
-        'decentralised_sliding.p', 'axes', 40.0, 'Acceleration P of the reaching law', 'm/s²'
-    ),
-    BOUNDARY_LAYER,
-    SIGMA,
-)
 
-
-class Settings(fields.Settings):
+class Settings(fields.Settings, group='decentralised_sliding'):
     """Settings of the law."""
 
-    decentralised_sliding_q: Axes
-    decentralised_sliding_p: Axes
+    decentralised_sliding_q: Axes = gain(20.0, 'Rate Q of the reaching law', '1/s')
+    decentralised_sliding_p: Axes = gain(40.0, 'Acceleration P of the reaching law', 'm/s²')
 
 
 @formula
@@ -107,8 +96,7 @@ def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
 DECENTRALISED_SLIDING = Law(
     'decentralised_sliding',
     torque,
-    PARAMETERS,
-    (ESTIMATE,),
+    (*Settings, BOUNDARY_LAYER, SIGMA),
     post_update=project,
     summary='a sliding mode controller for the platform and one for the arm, uncoupled',
     source='[6] of the paper; reaching law of Gao and Hung 1993',

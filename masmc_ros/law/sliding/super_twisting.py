@@ -20,39 +20,29 @@ import math
 
 from masmc_ros.aliases import Axes, Joints, Numbers
 from masmc_ros.jit.compiled import formula
-from masmc_ros.jit.field import Field
 from masmc_ros.jit.tuples import elementwise
 from masmc_ros.law import fields
-from masmc_ros.law.declared import PerEntry
+from masmc_ros.law.fields import field, gain
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.inverse_dynamics import limited_acceleration, surface_torque
-from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.reaching.sign import sign
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.scalars import plus
 
-PARAMETERS = (
-    SIGMA,
-    PerEntry('super_twisting.k_1', 'axes', 15.0, 'Gain k_1 of the root', 'm^0.5/s^1.5'),
-    PerEntry('super_twisting.k_2', 'axes', 110.0, 'Gain k_2 of the integral', 'm/s³'),
-)
 
-MEMORY = (ESTIMATE, Field('super_twisting_w', 'axes', 'w, integral part of nu', 'm/s²'))
-
-
-class Settings(fields.Settings):
+class Settings(fields.Settings, group='super_twisting'):
     """Settings of the law."""
 
-    super_twisting_k_1: Axes
-    super_twisting_k_2: Axes
+    super_twisting_k_1: Axes = gain(15.0, 'Gain k_1 of the root', 'm^0.5/s^1.5')
+    super_twisting_k_2: Axes = gain(110.0, 'Gain k_2 of the integral', 'm/s³')
 
 
 class Memory(fields.Memory):
     """Memory of the law."""
 
-    super_twisting_w: Axes
+    super_twisting_w: Axes = field('w, integral part of nu', 'm/s²')
 
 
 @formula
@@ -154,8 +144,8 @@ def learn(settings: Settings, tick: Tick, memory: Memory, raw: Joints, torque: J
 SUPER_TWISTING = Law(
     'super_twisting',
     torque,
-    PARAMETERS,
-    MEMORY,
+    (SIGMA, *Settings),
+    Memory,
     learn,
     project,
     summary='second-order sliding mode: a root and an integral of the sign, error of order T²',

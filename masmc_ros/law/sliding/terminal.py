@@ -19,33 +19,23 @@ from masmc_ros.aliases import Axes, Joints
 from masmc_ros.jit.compiled import formula
 from masmc_ros.jit.tuples import elementwise
 from masmc_ros.law import fields
-from masmc_ros.law.declared import PerEntry
-from masmc_ros.law.fields import Memory
+from masmc_ros.law.fields import gain, Memory
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.inverse_dynamics import acceleration_torque
-from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.reaching.sign import sign
 from masmc_ros.law.tick import Tick
 
-PARAMETERS = (
-    PerEntry('terminal.c_1', 'axes', 1.0, 'Coefficient c_1 of the square of the error', '1/m'),
-    PerEntry(
-        'terminal.c_2', 'axes', 0.5, 'Coefficient c_2 of the power of its rate', 's^1.5/m^0.5',
-        is_positive=True,
-    ),
-    PerEntry('terminal.k_1', 'axes', 400.0, 'Gain k_1 of the linear reaching term', '1/s²'),
-    PerEntry('terminal.k_2', 'axes', 200.0, 'Gain k_2 of the root', 'm^0.5/s²'),
-)
 
-
-class Settings(fields.Settings):
+class Settings(fields.Settings, group='terminal'):
     """Settings of the law."""
 
-    terminal_c_1: Axes
-    terminal_c_2: Axes
-    terminal_k_1: Axes
-    terminal_k_2: Axes
+    terminal_c_1: Axes = gain(1.0, 'Coefficient c_1 of the square of the error', '1/m')
+    terminal_c_2: Axes = gain(
+        0.5, 'Coefficient c_2 of the power of its rate', 's^1.5/m^0.5', is_positive=True
+    )
+    terminal_k_1: Axes = gain(400.0, 'Gain k_1 of the linear reaching term', '1/s²')
+    terminal_k_2: Axes = gain(200.0, 'Gain k_2 of the root', 'm^0.5/s²')
 
 
 @formula
@@ -79,8 +69,7 @@ def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
 TERMINAL = Law(
     'terminal',
     torque,
-    PARAMETERS,
-    (ESTIMATE,),
+    Settings,
     post_update=project,
     summary='nonsingular fast terminal sliding mode: errors end in finite time',
     source='Yang and Yang 2011; Feng, Yu and Man 2002',

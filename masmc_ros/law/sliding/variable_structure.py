@@ -17,31 +17,22 @@ from masmc_ros.aliases import Axes, Joints
 from masmc_ros.jit.compiled import formula
 from masmc_ros.jit.tuples import elementwise
 from masmc_ros.law import fields
-from masmc_ros.law.declared import PerEntry
-from masmc_ros.law.fields import Memory
+from masmc_ros.law.fields import gain, Memory
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts.adaptation import project
-from masmc_ros.law.parts.model import ESTIMATE, model_torque
+from masmc_ros.law.parts.model import model_torque
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.reaching.reaching import BOUNDARY_LAYER
 from masmc_ros.law.reaching.saturation import saturation
 from masmc_ros.law.tick import Tick
 
-PARAMETERS = (
-    PerEntry('variable_structure.alpha', 'axes', 200.0, 'Gain alpha by |e|', 'N/m'),
-    PerEntry('variable_structure.beta', 'axes', 100.0, 'Gain beta by |edot|', 'N·s/m'),
-    PerEntry('variable_structure.k', 'axes', 120.0, 'Constant gain k', 'N'),
-    BOUNDARY_LAYER,
-    SIGMA,
-)
 
-
-class Settings(fields.Settings):
+class Settings(fields.Settings, group='variable_structure'):
     """Settings of the law."""
 
-    variable_structure_alpha: Axes
-    variable_structure_beta: Axes
-    variable_structure_k: Axes
+    variable_structure_alpha: Axes = gain(200.0, 'Gain alpha by |e|', 'N/m')
+    variable_structure_beta: Axes = gain(100.0, 'Gain beta by |edot|', 'N·s/m')
+    variable_structure_k: Axes = gain(120.0, 'Constant gain k', 'N')
 
 
 @formula
@@ -71,8 +62,7 @@ def torque(settings: Settings, tick: Tick, memory: Memory) -> Joints:
 VARIABLE_STRUCTURE = Law(
     'variable_structure',
     torque,
-    PARAMETERS,
-    (ESTIMATE,),
+    (*Settings, BOUNDARY_LAYER, SIGMA),
     post_update=project,
     summary='switched feedback whose gains are in proportion to the errors',
     source='[9] of the paper; Young 1978',

@@ -81,10 +81,14 @@ NATURAL = 0
 """Indices of the choices of `adaptation`."""
 
 
-class _Settings(LawSettings):
-    """Settings with the parameter of trees."""
+class _TreeParameters:
+    """Parameter of laws of trees, declared in `tree_mechanism`."""
 
     adaptation: int
+
+
+class _Settings(LawSettings, _TreeParameters):
+    """Settings with the parameter of trees."""
 
 
 class Regressor(NamedTuple):

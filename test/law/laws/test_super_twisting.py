@@ -18,8 +18,8 @@ from masmc_ros.law.parts.inverse_dynamics import surface_torque
 from masmc_ros.law.reaching.sign import sign
 from masmc_ros.law.sliding.super_twisting import (
     integrated,
-    MEMORY,
-    PARAMETERS,
+    Memory,
+    Settings,
     surface_rate,
 )
 from masmc_ros.law.tick import Tick
@@ -151,7 +151,7 @@ def _torque(settings: Any, tick: Tick, memory: Any) -> tuple[float, ...]:
 
 @pytest.mark.slow
 def test_super_twisting_chatters_less_than_explicit_form(monkeypatch: pytest.MonkeyPatch) -> None:
-    explicit = Law('explicit_twisting', _torque, PARAMETERS, MEMORY, uses_switching=False)
+    explicit = Law('explicit_twisting', _torque, Settings, Memory, uses_switching=False)
     monkeypatch.setitem(registry.LAWS, explicit.name, explicit)
     implicit, chattering = (
         np.abs(np.diff(run(name, *QUIET, duration=4.0).torque[2000:], axis=0)).sum()
