@@ -38,12 +38,13 @@ from masmc_ros.jit.code_files import CodeFiles, Key, LOCKS
 from masmc_ros.jit.compiler_errors import COMPILER_ERRORS, explained
 from masmc_ros.jit.generated import Types
 from masmc_ros.jit.inlined_code import (
-    are_sizes_at_run_time,
     CalledCompiler,
     ExportedCompiler,
     InlinedCompiler,
     KernelCompiler,
+    LargePartCompiler,
     subroutines_of,
+    types_of_caller,
 )
 from masmc_ros.jit.sized_records import has_sized_records, type_of
 from masmc_ros.jit.sources import digest, files_of_types, remember
@@ -156,13 +157,16 @@ class Formula:
 
 
 class _Part(Formula):
-    """Formula whose statements replace its calls in compiled functions of constant sizes."""
+    """Formula whose statements replace its calls, unless the sizes or lanes require calls."""
+
+    _compiler: type[CalledCompiler]
 
     @property
     def targetoptions(self) -> Mapping[str, str]:
         """Return the option by which Numba decides whether statements replace the calls."""
         # Exported code has no results with pointers in memory, see `object_code.optimised`.
-        is_called = are_sizes_at_run_time() and not getattr(_thread, 'is_exporting', False)
+        is_exporting = getattr(_thread, 'is_exporting', False)
+        is_called = self._compiler.is_called_by(types_of_caller()) and not is_exporting
         return {'inline': 'never' if is_called else 'always'}
 
 
@@ -269,6 +273,17 @@ def part(function: AnyFunction) -> AnyFunction:
     if _settings.DISABLE_JIT:
         return function
     return cast(AnyFunction, _Part(function, CalledCompiler))
+
+
+def large_part(function: AnyFunction) -> AnyFunction:
+    """
+    Compile a `part` that takes much longer than its call: functions of one lane call it as well.
+
+    Loops over several lanes inline it, because they vectorise only without calls.
+    """
+    if _settings.DISABLE_JIT:
+        return function
+    return cast(AnyFunction, _Part(function, LargePartCompiler))
 
 
 def kernel(function: AnyFunction) -> AnyFunction:

@@ -12,7 +12,8 @@ from threading import local
 from typing import Any, NamedTuple
 
 from masmc_ros.aliases import Function
-from masmc_ros.jit.generated import Builder, IrValue, Type
+from masmc_ros.jit.generated import Builder, IrValue, Type, Types
+from masmc_ros.jit.shared_records import calls_large_parts, is_large_part
 from masmc_ros.jit.sized_records import has_sizes_at_run_time
 from numba import types
 from numba.core.codegen import CPUCodeLibrary, JITCodeLibrary, ll
@@ -186,13 +187,14 @@ def _omit_counting(context: Type) -> None:
     context.cached_internal_func = _internal_functions
 
 
-_sizes = local()
-"""Whether this thread compiles a function of sizes at run time."""
+_caller = local()
+"""Types of the arguments of the function that this thread compiles."""
 
 
-def are_sizes_at_run_time() -> bool:
-    """Return True while this thread compiles a function whose sizes are known at run time."""
-    return getattr(_sizes, 'are_at_run_time', False)
+def types_of_caller() -> Types:
+    """Return the types of the arguments of the function that this thread compiles."""
+    kinds: Types = getattr(_caller, 'kinds', ())
+    return kinds
 
 
 class KernelCompiler(Compiler):
@@ -204,13 +206,13 @@ class KernelCompiler(Compiler):
 
     def compile_extra(self, function: Function) -> Type:
         """Compile a function."""
-        outer = are_sizes_at_run_time()
-        _sizes.are_at_run_time = self.has_sizes_at_run_time()
+        outer = types_of_caller()
+        _caller.kinds = self.state.args
         try:
             self.state.library = self.library(function)
             return super().compile_extra(function)
         finally:
-            _sizes.are_at_run_time = outer
+            _caller.kinds = outer
 
     def has_sizes_at_run_time(self) -> bool:
         """Return True if an argument has sizes that are known at run time."""
@@ -244,15 +246,24 @@ class CalledCompiler(InlinedCompiler):
     only. They are long, and LLVM takes more than twice as long for a function of twice the length.
     """
 
+    @staticmethod
+    def is_called_by(caller: Types) -> bool:
+        """Return True if functions with arguments of these types call the function."""
+        return any(map(has_sizes_at_run_time, caller))
+
+    def is_called(self) -> bool:
+        """Return True if no caller inlines the function."""
+        return self.has_sizes_at_run_time()
+
     def library(self, function: Function) -> _Library:
         """Return the empty code of a function."""
-        if self.has_sizes_at_run_time():
+        if self.is_called():
             return _SubroutineLibrary(function, self.state)
         return super().library(function)
 
     def compile_extra(self, function: Function) -> Type:
         """Compile a function, whose callers inline it or call it."""
-        if not self.has_sizes_at_run_time():
+        if not self.is_called():
             return super().compile_extra(function)
         self.state.flags.forceinline = False
         code = super().compile_extra(function)
@@ -263,6 +274,19 @@ class CalledCompiler(InlinedCompiler):
         subroutine.register()
         code.reload_init.append(subroutine.register)
         return code
+
+
+class LargePartCompiler(CalledCompiler):
+    """Compiler of functions that are inlined only if they compute several lanes."""
+
+    @staticmethod
+    def is_called_by(caller: Types) -> bool:
+        """Return True if functions with arguments of these types call the function."""
+        return calls_large_parts(caller)
+
+    def is_called(self) -> bool:
+        """Return True if no caller inlines the function."""
+        return is_large_part(self.state.args)
 
 
 class _ExportedLibrary(JITCodeLibrary):

@@ -31,6 +31,7 @@ from masmc_ros.jit.generated import (
     TypingContext,
 )
 from masmc_ros.jit.scratch import array_over
+from masmc_ros.jit.shared_records import has_one_lane, shared_record, SharedRecordType
 from masmc_ros.jit.sized_records import (
     count_of_field,
     is_vector,
@@ -218,7 +219,8 @@ def _type_of_lane(context: TypingContext, record: Type, lane: Type) -> Type:
         return types.Array(record.dtype, record.ndim - 1, 'A')
     if isinstance(record, SizedRecordType):
         return SizedLaneType(record)
-    return LaneType(record) if isinstance(record, types.Record) else None
+    is_record = isinstance(record, types.Record | SharedRecordType)
+    return LaneType(record) if is_record else None
 
 
 @generated(lane_of, _type_of_lane)
@@ -243,23 +245,35 @@ def _lane_of(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
 
 def shared(lane: Any) -> Any:
     """
-    Return a lane with its first fields only, those that all laws share.
+    Return a lane or a record with its first fields only, those that all laws share.
 
-    For robots whose sizes are known at run time, functions with such arguments are compiled once
-    for all laws.
+    Functions with such arguments are compiled once for all laws. Those of several lanes and of
+    constant sizes keep all fields, because kernels inline them.
     """
     return lane
 
 
 def _type_of_shared(context: TypingContext, lane: Type) -> Type:
-    if isinstance(lane, SizedLaneType):
-        return SizedLaneType(SizedRecordType(lane.record.schema.shared))
-    return lane if isinstance(lane, LaneType) else None
+    if isinstance(lane, LaneType):
+        record = _type_of_shared(context, lane.record)
+        return SizedLaneType(record) if isinstance(lane, SizedLaneType) else LaneType(record)
+    if isinstance(lane, SizedRecordType):
+        return SizedRecordType(lane.schema.shared)
+    if isinstance(lane, types.Record):
+        return shared_record(lane) if has_one_lane(lane) else lane
+    return lane if isinstance(lane, SharedRecordType) else None
 
 
 @generated(shared, _type_of_shared)
 def _shared(compiler: Compiler, kinds: Types, values: IrValues) -> IrValue:
-    return values[0]
+    lane, wanted, build = values[0], compiler.result, compiler.builder
+    if isinstance(wanted, SharedRecordType):
+        return build.bitcast(lane, compiler.context.get_value_type(wanted))
+    if isinstance(wanted, LaneType) and isinstance(wanted.record, SharedRecordType):
+        pointer = compiler.context.get_value_type(wanted.record)
+        record, index = (build.extract_value(lane, k) for k in range(2))
+        return cgutils.pack_struct(build, [build.bitcast(record, pointer), index])
+    return lane
 
 
 def in_place(lane: Any, name: str) -> Array:
@@ -286,10 +300,25 @@ class _Components(AbstractTemplate):
 
     def generic(self, args: Types, kws: object) -> Signature | None:
         record, name = args
+        if isinstance(record, SharedRecordType) and name in record.fields:
+            field = record.fields[name].type
+            return signature(types.Array(field.dtype, field.ndim, 'C'), record, name)
         if not isinstance(record, SizedRecordType) or name not in record.schema.places:
             return None
         dimensions = 2 if is_vector(record, name) else 1
         return signature(types.Array(number_of(record, name), dimensions, 'C'), record, name)
+
+
+@lower_builtin('static_getitem', SharedRecordType, types.StringLiteral)
+def _shared_components(
+    context: CodeContext, builder: Builder, sig: Signature, args: IrValues
+) -> IrValue:
+    """Return a field of the only lane as an array."""
+    compiler, field = Compiler(context, builder, sig.return_type), sig.args[0].fields[str(args[1])]
+    lengths = [context.get_constant(types.intp, length) for length in field.type.shape]
+    number = context.get_data_type(field.type.dtype)
+    first = cgutils.get_record_member(builder, args[0], field.offset, number)
+    return array_over(compiler, sig.return_type, first, lengths)
 
 
 @lower_builtin('static_getitem', SizedRecordType, types.StringLiteral)

@@ -137,7 +137,7 @@ def take_over(record: Records, before: Records) -> None:
             record[name] = before[name]
 
 
-def tag_of(record: types.Record | SizedRecordType | np.dtype[np.void], name: str) -> str:
+def tag_of(record: Type | np.dtype[np.void], name: str) -> str:
     """Return the tag of this name; KeyError for a record without it."""
     names = record.fields if isinstance(record, types.Record) else record.names or ()
     for field in names:

@@ -191,9 +191,9 @@ def _files_of_type(kind: Type) -> frozenset[str]:
 
 def _tags(kind: Type) -> tuple[str, ...]:
     """Return the tags of a type of records."""
-    names = kind.fields if isinstance(kind, types.Record) else ()
-    schema = getattr(kind, 'schema', None)
-    return schema.tags if schema else tuple(name for name in names if TAG in name)
+    is_record = isinstance(kind, types.Record)
+    names = kind.fields if is_record else getattr(kind, 'names', ())
+    return tuple(name for name in names if TAG in name)
 
 
 def _parts(kind: Type) -> Iterator[Type]:

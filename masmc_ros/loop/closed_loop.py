@@ -26,8 +26,8 @@ from __future__ import annotations
 
 from masmc_ros.aliases import Array, Integers, Numbers, Record, Records
 from masmc_ros.jit.arrays import to_vector
-from masmc_ros.jit.compiled import formula, kernel, kernel_of_threads, part
-from masmc_ros.jit.lanes import lane_of
+from masmc_ros.jit.compiled import formula, kernel, kernel_of_threads, large_part
+from masmc_ros.jit.lanes import lane_of, shared
 from masmc_ros.jit.record import copied, copy_to, lane_count
 from masmc_ros.jit.tuples import dot, elementwise, joined, tail, thirds
 from masmc_ros.jit.vectors import check_workspace, free, mark
@@ -203,9 +203,9 @@ def plant_tick(
         True if the new state is finite.
 
     """
-    advance(plant_settings[0], plant_memory[0], delay_line, tick, signals[0], False)
-    observe(plant_settings[0], plant_memory[0], delay_line, tick + 1, signals[0])
-    return is_finite(signals[0])
+    plant, memory, row = shared(plant_settings[0]), shared(plant_memory[0]), shared(signals[0])
+    _plant_step(plant, memory, delay_line, tick, row)
+    return is_finite(row)
 
 
 @kernel
@@ -219,9 +219,10 @@ def plant_hold(
     reported `applied` torque is zero, because the holding torque is internal to the drives.
     Arguments and return value are those of `plant_tick`.
     """
-    advance(plant_settings[0], plant_memory[0], delay_line, tick, signals[0], True)
-    observe(plant_settings[0], plant_memory[0], delay_line, tick + 1, signals[0])
-    return is_finite(signals[0])
+    plant, memory, row = shared(plant_settings[0]), shared(plant_memory[0]), shared(signals[0])
+    advance(plant, memory, delay_line, tick, row, True)
+    observe(plant, memory, delay_line, tick + 1, row)
+    return is_finite(row)
 
 
 @kernel
@@ -241,8 +242,9 @@ def plant_drive(
     `driven` and `disturbance` there. Step 0 of a tick takes over the command in `signals`, or
     none if `hold` is true.
     """
-    drive_step(plant_settings[0], plant_memory[0], delay_line, tick, step, signals[0], hold)
-    check_workspace(signals[0])
+    plant, memory, row = shared(plant_settings[0]), shared(plant_memory[0]), shared(signals[0])
+    drive_step(plant, memory, delay_line, tick, step, row, hold)
+    check_workspace(row)
 
 
 @kernel
@@ -263,9 +265,10 @@ def plant_observe(
         True if the state is finite.
 
     """
-    release(plant_settings[0], plant_memory[0], signals[0], hold)
-    observe(plant_settings[0], plant_memory[0], delay_line, tick, signals[0])
-    return is_finite(signals[0])
+    plant, memory, row = shared(plant_settings[0]), shared(plant_memory[0]), shared(signals[0])
+    release(plant, memory, row, hold)
+    observe(plant, memory, delay_line, tick, row)
+    return is_finite(row)
 
 
 @kernel
@@ -281,16 +284,12 @@ def plant_start(
         True if the state is finite.
 
     """
-    write_velocity(plant_settings[0], plant_memory[0])
+    plant, memory, row = shared(plant_settings[0]), shared(plant_memory[0]), shared(signals[0])
+    write_velocity(plant, memory)
     # A literal 0 would make Numba compile a second specialisation of `observe`.
-    observe(
-        plant_settings[0],
-        plant_memory[0],
-        delay_line,
-        np.int64(0),  # type: ignore[arg-type]  # compiled code has no other whole numbers
-        signals[0],
-    )
-    return is_finite(signals[0])
+    first = np.int64(0)
+    observe(plant, memory, delay_line, first, row)  # type: ignore[arg-type]  # compiled as int
+    return is_finite(row)
 
 
 # Kernels of plants that are driven by torques from outside of the package.
@@ -381,7 +380,7 @@ def _self_difference(value: float) -> float:
 # Whole simulations.
 
 
-@part
+@large_part
 def _plant_step(
     plant_settings: Record, plant_memory: Record, delay_line: Array, tick: int, signals: Record
 ) -> None:
@@ -444,7 +443,9 @@ def closed_loop(
             residual += finite_residual(single.true_position)
         if final and k == n - 1:
             break
-        _plant_step(plant_constants, plant_state, delay_line, first + k, row)
+        _plant_step(
+            shared(plant_constants), shared(plant_state), delay_line, first + k, shared(row)
+        )
     copy_to(plant_state, plant_memory[0])
     copy_to(control_state, memory[0])
     copy_to(row, signals[0])
@@ -503,7 +504,9 @@ def reduced_loop(
         reduce_tick(sums, row, points, settling, first + k, start, end)
         if final and k == n - 1:
             break
-        _plant_step(plant_constants, plant_state, delay_line, first + k, row)
+        _plant_step(
+            shared(plant_constants), shared(plant_state), delay_line, first + k, shared(row)
+        )
     copy_to(plant_state, plant_memory[0])
     copy_to(control_state, memory[0])
     copy_to(row, signals[0])

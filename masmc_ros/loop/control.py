@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from masmc_ros.aliases import Joints, Record
-from masmc_ros.jit.compiled import formula, inlined, part
+from masmc_ros.jit.compiled import formula, inlined, large_part, part
 from masmc_ros.jit.lanes import lane_of, shared
 from masmc_ros.jit.record import copy_lane, copy_to, lane_count
 from masmc_ros.jit.tuples import elementwise, tail, thirds
@@ -26,10 +26,13 @@ from masmc_ros.robot import mechanism
 @inlined
 def control(settings: Record, memory: Record, signals: Record) -> None:
     """Compute one tick of the law from the state and the reference in `signals`."""
-    estimators = _estimate(settings, memory, signals)
+    common, state, row = shared(settings), shared(memory), shared(signals)
+    estimators = _estimate(common, state, row)
     for lane in range(lane_count(settings)):
         _control(lane_of(settings, lane), lane_of(memory, lane), lane_of(signals, lane))
-    _finish(settings, memory, signals, estimators)
+    _finish(common, state, row, estimators)
+    for lane in range(lane_count(settings)):
+        law.post_update(lane_of(settings, lane), lane_of(memory, lane))
 
 
 @inlined
@@ -49,7 +52,8 @@ def control_by_shortcut(
         Record for the memory before the tick.
 
     """
-    estimators = _estimate(settings, memory, signals)
+    common, state, row = shared(settings), shared(memory), shared(signals)
+    estimators = _estimate(common, state, row)
     lanes, repeated = lane_count(settings), 0.0
     for lane in range(lanes):
         lane_of(memory, lane).needs_full = 0.0
@@ -63,7 +67,9 @@ def control_by_shortcut(
             if lane_of(memory, lane).needs_full != 0.0:
                 copy_lane(before, memory, lane)
                 _control(lane_of(settings, lane), lane_of(memory, lane), lane_of(signals, lane))
-    _finish(settings, memory, signals, estimators)
+    _finish(common, state, row, estimators)
+    for lane in range(lane_count(settings)):
+        law.post_update(lane_of(settings, lane), lane_of(memory, lane))
 
 
 @inlined
@@ -75,25 +81,30 @@ def _estimate(settings: Record, memory: Record, signals: Record) -> int:
     # A vectorised loop computes all lanes or none.
     estimators = 0 if estimated == 0 or delay_compensation.is_on(settings) else lanes
     for lane in range(estimators):
-        gains, state = shared(lane_of(settings, lane)), shared(lane_of(memory, lane))
-        if gains.velocity_source == ESTIMATED:
-            position = lane_of(signals, lane).position
-            knows = not ((gains.takes_rates != 0) | moving_base.moves_by_velocity(gains))
-            estimate_rates(gains, state, position, knows)
+        _estimate_rates(lane_of(settings, lane), lane_of(memory, lane), lane_of(signals, lane))
     return estimators
+
+
+@large_part
+def _estimate_rates(settings: Settings, memory: Memory, signals: Signals) -> None:
+    if settings.velocity_source == ESTIMATED:
+        knows = not ((settings.takes_rates != 0) | moving_base.moves_by_velocity(settings))
+        estimate_rates(settings, memory, signals.position, knows)
 
 
 @inlined
 def _finish(settings: Record, memory: Record, signals: Record, estimators: int) -> None:
-    """Pass the disturbance to the estimators, and update the law's memory after the tick."""
+    """Pass the disturbance to the estimators of velocities after the tick."""
     for lane in range(estimators):
-        gains, state = shared(lane_of(settings, lane)), shared(lane_of(memory, lane))
-        if gains.velocity_source == ESTIMATED:
-            model = mechanism.model_of(gains)
-            posture = mechanism.posture(model, lane_of(signals, lane).position)
-            note_disturbance(state, model, posture, state.disturbance)
-    for lane in range(lane_count(settings)):
-        law.post_update(lane_of(settings, lane), lane_of(memory, lane))
+        _pass_disturbance(lane_of(settings, lane), lane_of(memory, lane), lane_of(signals, lane))
+
+
+@large_part
+def _pass_disturbance(settings: Settings, memory: Memory, signals: Signals) -> None:
+    if settings.velocity_source == ESTIMATED:
+        model = mechanism.model_of(settings)
+        posture = mechanism.posture(model, signals.position)
+        note_disturbance(memory, model, posture, memory.disturbance)
 
 
 @inlined

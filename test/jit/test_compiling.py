@@ -18,12 +18,15 @@ from masmc_ros.jit.compiled import (
     is_interpreted,
     is_loaded,
     kernel,
+    large_part,
     subroutine,
 )
 from masmc_ros.jit.field import Field
 from masmc_ros.jit.inlined_code import CalledCompiler
-from masmc_ros.jit.lanes import lane_of
+from masmc_ros.jit.lanes import lane_of, shared
 from masmc_ros.jit.record import copied, copy_to, lane_count, new_record
+from masmc_ros.jit.shared_records import shared_record
+from masmc_ros.jit.sized_records import SHARED
 from masmc_ros.jit.vectors import VectorType
 import numba
 from numba.core import event
@@ -187,3 +190,40 @@ def _doubled_alone(value: float) -> float:
 @kernel
 def _total_of_kernels(value: float) -> float:
     return _doubled_alone(_doubled_alone(value))
+
+
+@large_part
+def _increase(memory: Any) -> None:
+    memory.value += 1.0
+
+
+@kernel
+def _increased(records: Records) -> None:
+    for lane in range(lane_count(records[0])):
+        _increase(shared(lane_of(records[0], lane)))
+
+
+def record_of(law: str, own: int, lanes: int) -> Records:
+    """Return a record of a law with components of its own field after the shared one."""
+    fields = Field('value'), Field('own', own)
+    return new_record(fields, {}, lanes, {'mechanism': 'm', SHARED: '1', 'law': law})
+
+
+def test_large_part_of_one_lane_is_compiled_once_for_all_laws() -> None:
+    records = [record_of('a', 1, 1), record_of('b', 3, 1), record_of('c', 3, 2)]
+    for record in records:
+        _increased(record)
+        assert (record['value'] == 1.0).all()
+        assert (record['own'] == 0.0).all()
+    if not is_interpreted():
+        # The kernel of two lanes contains the statements.
+        assert len(cast(Any, _increase)._called.overloads) == 1
+
+
+@pytest.mark.skipif(is_interpreted(), reason='nothing is compiled')
+def test_shared_record_with_empty_field_is_whole_record() -> None:
+    """Numba sorts fields at the same place by name, so the first ones are not known."""
+    fields = Field('value'), Field('last', 'none'), Field('first', 2)
+    record = new_record(fields, {'none': 0}, 1, {SHARED: '2', 'law': 'a'})
+    kind = shared_record(numba.typeof(record).dtype)
+    assert [*kind.names] == ['value', 'first', 'last', 'shared:2', 'law:a']

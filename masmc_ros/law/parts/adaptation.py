@@ -20,7 +20,7 @@ import math
 
 from masmc_ros.aliases import Array, Joints, Numbers, Parameters
 from masmc_ros.jit.arrays import to_vector
-from masmc_ros.jit.compiled import formula, kernel, part
+from masmc_ros.jit.compiled import formula, kernel, large_part, part
 from masmc_ros.jit.lanes import shared
 from masmc_ros.jit.scratch import scratch
 from masmc_ros.jit.tuples import dot, elementwise
@@ -371,20 +371,21 @@ def _adapt_along(
 @formula
 def project(settings: Settings, memory: Memory) -> None:
     """Project `memory.estimate` onto physically possible values if `projection.lower` > 0."""
-    _project(shared(settings), shared(memory))
+    # Most runs need no projection, and save the call.
+    if settings.projection_lower > 0.0:
+        _project(shared(settings), shared(memory))
 
 
-@part
+@large_part
 def _project(settings: Settings, memory: Memory) -> None:
-    lower = settings.projection_lower
     model = mechanism.model_of(settings)
-    if (lower > 0.0) & (not mechanism.preserves_consistency(model, settings)):
+    if not mechanism.preserves_consistency(model, settings):
         theta = projected(
             model,
             memory.estimate,
             settings.nominal,
             settings.gamma,
-            lower,
+            settings.projection_lower,
             settings.projection_upper,
         )
         memory.estimate = theta
