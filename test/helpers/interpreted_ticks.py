@@ -4,7 +4,7 @@
 """
 Some ticks of laws, effects and supervision in plain Python; prints those that fail.
 
-It is meant for NUMBA_DISABLE_JIT=1. Each run has several effects, because loading a robot takes
+The arguments are names of parameter files in config/. It is meant for NUMBA_DISABLE_JIT=1. Each run has several effects, because loading a robot takes
 longer than its ticks.
 """
 
@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+import sys
 import traceback
 
 from helpers.core_loop import CoreLoop
@@ -22,7 +23,8 @@ from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 
 CONFIG = Path(__file__).parents[2] / 'config'
-ROBOTS = 'paper', 'ur5', 'tiago', 'franka_on_omni'
+ACTIONS = {'paper': 'gravity', 'ur5': 'hold', 'tiago': 'gravity', 'franka_on_omni': 'hold'}
+"""Fault actions by robot."""
 
 IMPERFECT = (
     'plant.friction=0.8',
@@ -71,28 +73,21 @@ def interface(name: str) -> tuple[str, str]:
     return f'plant.command_interface={name}', f'controller.command_interface={name}'
 
 
-def cases() -> list[tuple[str, tuple[str, ...]]]:
-    """Return robots and settings of simulations."""
-    runs: list[tuple[str, tuple[str, ...]]] = []
-    for robot in ROBOTS:
-        runs += [
-            (robot, (*IMPERFECT, *ESTIMATED)),
-            (robot, COMPENSATED),
-            (robot, PROJECTED),
-            (robot, interface('velocity')),
-        ]
-        if robot != 'paper':
-            runs.append((robot, ('controller.joint_limits=enforce',)))
-        if robot != 'ur5':
-            runs.append((robot, (*interface('hybrid'), *BASE)))
+def cases(robot: str) -> list[tuple[str, ...]]:
+    """Return the settings of simulations of a robot."""
+    runs = [(*IMPERFECT, *ESTIMATED), COMPENSATED, PROJECTED, interface('velocity')]
+    if robot != 'paper':
+        runs.append(('controller.joint_limits=enforce',))
+    if robot != 'ur5':
+        runs.append((*interface('hybrid'), *BASE))
     # Parallel runs of the paper's robot have all laws, see laws_in_lanes.py.
-    runs += [
-        ('ur5', (f'controller.law={name}',)) for name, law in LAWS.items()
-        if law.most_parameters is None
-    ]
-    runs += [
-        ('tiago', ('controller.law=smc', f'controller.switching={name}')) for name in SWITCHING
-    ]
+    if robot == 'ur5':
+        runs += [
+            (f'controller.law={name}',) for name, law in LAWS.items()
+            if law.most_parameters is None
+        ]
+    if robot == 'tiago':
+        runs += [('controller.law=smc', f'controller.switching={name}') for name in SWITCHING]
     return runs
 
 
@@ -150,8 +145,9 @@ def attempt(compute: Callable[..., None], *case: object) -> None:
 
 if __name__ == '__main__':
     with np.errstate(all='ignore'):
-        for case in cases():
-            attempt(simulate, *case)
-        attempt(in_lanes, 'tiago', IMPERFECT)
-        for robot, action in zip(ROBOTS, ('gravity', 'hold', 'gravity', 'hold'), strict=True):
-            attempt(supervise, robot, action)
+        for robot in sys.argv[1:]:
+            for settings in cases(robot):
+                attempt(simulate, robot, settings)
+            if robot == 'tiago':
+                attempt(in_lanes, robot, IMPERFECT)
+            attempt(supervise, robot, ACTIONS[robot])

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from pathlib import Path
 import re
 import shlex
@@ -14,6 +15,7 @@ import sys
 from helpers import interpreted_ticks
 from helpers.child_environment import child_environment
 from helpers.pages import DOCS, ROOT
+import pytest
 
 SCRIPT = Path(interpreted_ticks.__file__)
 
@@ -32,8 +34,23 @@ def output_of(*arguments: str, folder: Path, text: str = '') -> str:
     ).stdout
 
 
-def test_interpreted_laws_effects_and_supervision_run(tmp_path: Path) -> None:
-    assert output_of(str(SCRIPT), folder=tmp_path) == ''
+@pytest.mark.parametrize(
+    'robots',
+    [
+        ('paper',),
+        pytest.param(
+            ('ur5', 'tiago', 'franka_on_omni'),
+            marks=pytest.mark.skipif(
+                find_spec('pinocchio') is None, reason='the URDFs are part of the extra `robots`'
+            ),
+        ),
+    ],
+    ids=lambda robots: robots[0],
+)
+def test_interpreted_laws_effects_and_supervision_run(
+    robots: tuple[str, ...], tmp_path: Path
+) -> None:
+    assert output_of(str(SCRIPT), *robots, folder=tmp_path) == ''
 
 
 def test_interpreted_law_in_documented_debugger_stops() -> None:
