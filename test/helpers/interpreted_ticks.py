@@ -4,8 +4,8 @@
 """
 Some ticks of laws, effects and supervision in plain Python; prints those that fail.
 
-The arguments are names of parameter files in config/. It is meant for NUMBA_DISABLE_JIT=1. Each run has several effects, because loading a robot takes
-longer than its ticks.
+The arguments are names of parameter files in config/. It is meant for NUMBA_DISABLE_JIT=1. Each
+run has several effects, because loading a robot takes longer than its ticks.
 """
 
 from __future__ import annotations
