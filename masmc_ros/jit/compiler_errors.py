@@ -36,11 +36,10 @@ def explained(error: Exception) -> InputError:
     if cause.endswith('found for signature:') and len(lines) > 1:
         cause = f'{cause} {lines[1].removeprefix(">>> ")}'
     place, source = '', ''
-    places = [k for k, line in enumerate(lines) if _PLACE.search(line)]
+    places = [(k, match) for k, line in enumerate(lines) if (match := _PLACE.search(line))]
     if places:
-        first, end = (*places, len(lines))[:2]
-        match = _PLACE.search(lines[first])
-        assert match is not None
+        first, match = places[0]
+        end = places[1][0] if len(places) > 1 else len(lines)
         place = f'{Path(match[1]).resolve()}:{match[2]}: '
         carets = (k for k in range(first + 1, end) if set(lines[k]) <= {'^', '~'})
         source = next((f' in: {lines[k - 1]}' for k in carets), '')

@@ -8,7 +8,7 @@ Python enters compiled control code only through the kernels in this module. The
 plug-in laws call the single-tick kernels once per control period. Offline simulation calls
 `closed_loop`, which computes many ticks, and many independent runs ("lanes"), in one call.
 `reduced_loop` does the same for campaigns and keeps no signals. All
-kernels inline the same formulas, so live and offline runs are bitwise identical.
+kernels use the same formulas, so live and offline runs are bitwise identical.
 
 The kernels share these arguments. Each is an array of one record, except `delay_line`:
 

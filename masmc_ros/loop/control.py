@@ -26,13 +26,10 @@ from masmc_ros.robot import mechanism
 @inlined
 def control(settings: Record, memory: Record, signals: Record) -> None:
     """Compute one tick of the law from the state and the reference in `signals`."""
-    common, state, row = shared(settings), shared(memory), shared(signals)
-    estimators = _estimate(common, state, row)
+    estimators = _estimate(settings, memory, signals)
     for lane in range(lane_count(settings)):
         _control(lane_of(settings, lane), lane_of(memory, lane), lane_of(signals, lane))
-    _finish(common, state, row, estimators)
-    for lane in range(lane_count(settings)):
-        law.post_update(lane_of(settings, lane), lane_of(memory, lane))
+    _finish(settings, memory, signals, estimators)
 
 
 @inlined
@@ -52,8 +49,7 @@ def control_by_shortcut(
         Record for the memory before the tick.
 
     """
-    common, state, row = shared(settings), shared(memory), shared(signals)
-    estimators = _estimate(common, state, row)
+    estimators = _estimate(settings, memory, signals)
     lanes, repeated = lane_count(settings), 0.0
     for lane in range(lanes):
         lane_of(memory, lane).needs_full = 0.0
@@ -67,9 +63,7 @@ def control_by_shortcut(
             if lane_of(memory, lane).needs_full != 0.0:
                 copy_lane(before, memory, lane)
                 _control(lane_of(settings, lane), lane_of(memory, lane), lane_of(signals, lane))
-    _finish(common, state, row, estimators)
-    for lane in range(lane_count(settings)):
-        law.post_update(lane_of(settings, lane), lane_of(memory, lane))
+    _finish(settings, memory, signals, estimators)
 
 
 @inlined
@@ -80,8 +74,9 @@ def _estimate(settings: Record, memory: Record, signals: Record) -> int:
         estimated += lane_of(settings, lane).velocity_source == ESTIMATED
     # A vectorised loop computes all lanes or none.
     estimators = 0 if estimated == 0 or delay_compensation.is_on(settings) else lanes
+    gains, state, row = shared(settings), shared(memory), shared(signals)
     for lane in range(estimators):
-        _estimate_rates(lane_of(settings, lane), lane_of(memory, lane), lane_of(signals, lane))
+        _estimate_rates(lane_of(gains, lane), lane_of(state, lane), lane_of(row, lane))
     return estimators
 
 
@@ -94,9 +89,12 @@ def _estimate_rates(settings: Settings, memory: Memory, signals: Signals) -> Non
 
 @inlined
 def _finish(settings: Record, memory: Record, signals: Record, estimators: int) -> None:
-    """Pass the disturbance to the estimators of velocities after the tick."""
+    """Pass the disturbance to the estimators, and update the law's memory after the tick."""
+    gains, state, row = shared(settings), shared(memory), shared(signals)
     for lane in range(estimators):
-        _pass_disturbance(lane_of(settings, lane), lane_of(memory, lane), lane_of(signals, lane))
+        _pass_disturbance(lane_of(gains, lane), lane_of(state, lane), lane_of(row, lane))
+    for lane in range(lane_count(settings)):
+        law.post_update(lane_of(settings, lane), lane_of(memory, lane))
 
 
 @large_part
